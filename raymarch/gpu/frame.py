@@ -89,7 +89,8 @@ class Frame:
         fifth of the picture (which renders the materials), and a picture without a hit (which renders the depth to
         confirm).
 
-        steps : also check whether too many rays ran out of steps. This marches a sparse subset of the rays again.
+        steps : also check whether too many rays ran out of steps. If a pixel is the mean of several rays, this marches
+            a sparse subset of them again.
         """
         return list(self.warnings) if self._doubts is None else self._doubts(self, steps)
 
@@ -102,6 +103,10 @@ class Frame:
     def on_device(self, name: str) -> Unread | None:
         """An array on the device, rendered if it was not; None for an array that was given."""
         return None if name in self._arrays else self._unread_array(name)
+
+    def drawn(self, name: str) -> Unread | None:
+        """An array that was drawn with the picture; None if it would take a pass."""
+        return self._unread.get(name)
 
     def _unread_array(self, name: str) -> Unread:
         if name not in self._unread:

@@ -279,28 +279,24 @@ class Renderer:
         if white is not None:
             found.append(vouch.clipped(white, frame.color, frame.material, scene))
         if steps:
-            sparse = self._sparse(scene, values, pose)
-            found.append(vouch.out_of_steps(sparse["done"], scene))
-            no_hit = not np.any(np.isfinite(sparse["depth"]))
-        else:
-            no_hit = vouch.is_sky(frame.color, scene, pose, values)
-        if no_hit and not np.any(np.isfinite(frame.depth)):
+            known = frame.drawn("done") or self._sparse(scene, values, pose)
+            found.append(vouch.out_of_steps(known.array("done"), scene))
+        if vouch.is_sky(frame.color, scene, pose, values) and not np.any(np.isfinite(frame.depth)):
             found.append(vouch.nothing_visible(scene))
         return [doubt for doubt in found if doubt]
 
-    def _sparse(self, scene: Scene, values: Values, pose: Pose) -> dict[str, NDArray[Any]]:
+    def _sparse(self, scene: Scene, values: Values, pose: Pose) -> Unread:
         """The geometry arrays of a sparse, even subset of the picture's rays, with the pixel footprint of the
         picture."""
         small = vouch.sparse_size(self.size)
-        plain = scene.quality.replace(**SINGLE_PASS, samples=1)
+        plain = scene.quality.replace(**SINGLE_PASS, samples=2)  # which start where the cone of their pixel ended
         ready, uniforms = self._ready(_Picture(scene.replace(quality=plain), values, pose, ("done",), self.size))
         uniforms["u_resolution"] = small
         draw_calls = list(_named(Drawing(self.resources, ready, uniforms, small, History())))
         for call in draw_calls:
             with in_pass(call.chosen.name):
                 call.draw()
-        unread = Unread(draw_calls[-1].chosen, draw_calls[-1].target)
-        return {name: unread.array(name) for name in ("done", "depth")}
+        return Unread(draw_calls[-1].chosen, draw_calls[-1].target)
 
     def draw_calls(
         self,

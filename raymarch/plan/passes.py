@@ -161,6 +161,9 @@ BEFORE: Final = Pass(
 
 COLOR: Final = Pass("color", "view/color", ("u_color",), "the picture", {"color": Output(0, slice(3))}, shades=True)
 
+SINGLE: Final = replace(COLOR, outputs={**COLOR.outputs, "done": Output(0, 3, "?")})
+"""The picture with one ray per pixel, which also tells whether that ray ran out of steps."""
+
 AVERAGED: Final = replace(
     COLOR,
     module="view/accumulate",
@@ -268,16 +271,19 @@ def passes_of(
         elif name == "color" and surface_texels:
             kept = tuple(f"u_surface_{k}" for k in range(surface_texels))
             found += [replace(SURFACE, writes=kept), LIGHT, replace(AVERAGED, lights="after")]
+        elif name == "color":
+            found.append(AVERAGED if sampled else SINGLE)
         else:
-            found.append(AVERAGED if name == "color" and sampled else DRAWN[name])
+            found.append(DRAWN[name])
         if name == "color" and post:
             found += changed_by(found.pop(), post)
     return found
 
 
 def changed_by(picture: Pass, post: Sequence[PostEffect]) -> list[Pass]:
-    """A pass that draws a picture, and those of its post effects. The last one draws the array of the frame."""
-    found = [replace(picture, outputs={})]
+    """A pass that draws a picture, and those of its post effects. The last one draws the colour of the frame."""
+    kept = {name: output for name, output in picture.outputs.items() if name != "color"}
+    found = [replace(picture, outputs=kept)]
     for effect in post:
         number = sum(p.effect is not None and p.effect.LABEL == effect.LABEL for p in found)
         place = f" at {effect.where}" if effect.where else ""
@@ -291,7 +297,7 @@ def changed_by(picture: Pass, post: Sequence[PostEffect]) -> list[Pass]:
                 effect=effect,
             )
         )
-    found[-1] = replace(found[-1], outputs=picture.outputs)
+    found[-1] = replace(found[-1], outputs=COLOR.outputs)
     return found
 
 

@@ -75,18 +75,41 @@ def test_a_picture_of_the_sky_alone_is_known_without_a_pass(renderer, sky):
         assert [t.name for t in frame.timings] == ["color"], "nothing more was drawn"
 
 
-def test_rays_out_of_steps_are_those_of_the_whole_picture(context):
+EXHAUSTED = rm.Scene(
+    rm.sphere() | rm.plane(offset=-1),
+    rm.Camera((0, 0.5, 5), (0, 0, 0)),
+    quality=rm.Quality(max_steps=20, analytic=False),
+)
+"""Some of its rays run out of steps."""
+
+
+@pytest.mark.parametrize(
+    ("quality", "post"),
+    [({}, []), ({"steps_per_pass": 8}, []), ({"schedule": "cones"}, []), ({}, [rm.Bloom()]), ({"analytic": True}, [])],
+)
+def test_the_picture_tells_which_rays_ran_out_of_steps(context, quality, post):
+    scene = EXHAUSTED.replace(quality=EXHAUSTED.quality.replace(**quality), post=post)
+    with rm.Renderer((160, 100), context=context) as renderer:
+        frame = renderer.render(scene)
+        drawn = [t.name for t in frame.timings]
+        share = float(np.mean(~frame.done))
+        assert any("ran out of steps" in doubt for doubt in frame.doubts(steps=True)) == (share > 0.005)
+        assert (share > 0.05) == (not quality.get("analytic"))
+        assert [t.name for t in frame.timings] == drawn, "nothing more was drawn"
+        np.testing.assert_array_equal(renderer.render(scene, outputs=("done",)).done, frame.done)
+
+
+def test_rays_out_of_steps_of_several_samples_are_those_of_the_whole_picture(context):
     """Some of the rays are marched once more, as wide as in the picture: their share is that of all."""
-    quality = rm.Quality(max_steps=20, analytic=False)
-    scene = rm.Scene(rm.sphere() | rm.plane(offset=-1), rm.Camera((0, 0.5, 5), (0, 0, 0)), quality=quality)
+    scene = EXHAUSTED.replace(quality=EXHAUSTED.quality.replace(samples=2))
     with rm.Renderer((320, 200), context=context) as renderer:
         frame = renderer.render(scene, outputs=("color", "done"))
         share = float(np.mean(~frame.done))
-        sparse = renderer._sparse(scene, Values({}), frame.pose)
-        assert sparse["done"].shape == (25, 40)
-        assert abs(float(np.mean(~sparse["done"])) - share) < 0.05
+        sparse = renderer._sparse(scene, Values({}), frame.pose).array("done")
+        assert sparse.shape == (25, 40)
+        assert abs(float(np.mean(~sparse)) - share) < 0.05
         assert share > 0.05
-        assert any("ran out of steps" in doubt for doubt in frame.doubts(steps=True))
+        assert any("ran out of steps" in doubt for doubt in renderer.render(scene).doubts(steps=True))
         np.testing.assert_array_equal(renderer.render(scene).color, frame.color)
 
 

@@ -45,7 +45,7 @@ def test_a_scene_fits_two_lines() -> None:
 def test_a_frame_and_a_renderer(egl: Context) -> None:
     renderer = rm.Renderer((16, 9), context=egl)
     frame = renderer.render(SCENE, time=2)
-    assert repr(frame).startswith("<Frame 16x9 at time 2: color; ") and repr(frame).endswith(" ms>")
+    assert repr(frame).startswith("<Frame 16x9 at time 2: color, done; ") and repr(frame).endswith(" ms>")
     assert repr(renderer).startswith("<Renderer 16x9, egl: ")
     assert copy.copy(frame).depth.shape == (9, 16)  # a copy still has its renderer
     renderer.close()

@@ -1,8 +1,8 @@
-// Pass: the linear colour of each pixel.
+// Pass: the linear colour of each pixel. Alpha is 0 where the ray ran out of steps, else 1.
 layout(location = 0) out vec4 out_color;
 
 void main() {
     Ray ray = camera_ray(gl_FragCoord.xy);
     Hit hit = trace(ray);
-    out_color = vec4(shade(ray, hit), 1.0);
+    out_color = vec4(shade(ray, hit), hit.done ? 1.0 : 0.0);
 }
