@@ -71,7 +71,7 @@ class Pass:
     changed : drawn only if the scene changed since the last picture, with the uniforms of that picture.
     sharp : its rays start at the centre of the lens.
     defines : preprocessor names defined in this pass only. shades : True if it computes the colour of surfaces.
-    surfaces : True if it calls `surface_normal` or `material_index`.
+    surfaces : True if it calls `surface_normal` or `material_index`. counts : True if it reads what a ray has cost.
     extension : the OpenGL extension that it requires; "" for none.
     effect : the post effect that it draws. Its shader is separate from that of the scene.
     lights : "before", "each" or "after", for passes that add the light of a sample of the picture a few samples of
@@ -91,6 +91,7 @@ class Pass:
     defines: tuple[str, ...] = ()
     shades: bool = False
     surfaces: bool = False
+    counts: bool = False
     extension: str = ""
     effect: PostEffect | None = None
     lights: str = ""
@@ -112,12 +113,24 @@ class Pass:
 
 
 CONE: Final = Pass(
-    "cone", "view/cone", ("u_carried",), "rays start where their cones ended", often="level", defines=("CONE",)
+    "cone",
+    "view/cone",
+    ("u_carried",),
+    "rays start where their cones ended",
+    often="level",
+    defines=("CONE",),
+    counts=True,
 )
 
 _MARCHED = ("u_march", "u_found", "u_more")
 MARCH: Final = Pass(
-    "march", "view/march", _MARCHED, "rays take a part of their steps in each pass", often="steps", history=_MARCHED
+    "march",
+    "view/march",
+    _MARCHED,
+    "rays take a part of their steps in each pass",
+    often="steps",
+    history=_MARCHED,
+    counts=True,
 )
 
 SURFACE: Final = Pass(
@@ -202,6 +215,7 @@ DRAWN: Final = {
         },
         sharp=True,
         surfaces=True,
+        counts=True,
     ),
     "slice": Pass(
         "slice",

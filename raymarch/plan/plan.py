@@ -119,7 +119,7 @@ class Plan:
             "LIT": self.lights_split,
             "SAMPLES": self.scene.quality.samples > 1,
             "STANDALONE": self.standalone,
-            "UNCOUNTED": self.standalone and all(p.name != "geometry" for p in self.passes),
+            "UNCOUNTED": not any(p.counts for p in self.passes),
         }
         return marching.variants_of(self.scene) | {name for name, called in used.items() if called}
 

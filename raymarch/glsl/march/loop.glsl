@@ -62,10 +62,6 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #endif
         if (found) break;
     }
-#ifndef UNCOUNTED
-    hit.iterations += steps;
-    hit.evaluations += steps;
-#endif
 #ifdef CLIP_PLANES
     escaped = escaped || (found && at.t > between_planes(ray, u_far).y);  // a long step may end behind the far plane
     found = found && !escaped;
@@ -75,8 +71,12 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
     found = found && !escaped;
 #endif
     hit.found = found;
-    hit.done = found || escaped;
     hit.t = found ? at.t + last_step(widths, at) : at.t;
     hit.residual = abs(at.r);
-    if (!hit.done) on_exhausted(hit, at.last_derivative);
+#ifndef UNCOUNTED
+    hit.done = found || escaped;
+    hit.iterations += steps;
+    hit.evaluations += steps;
+#endif
+    if (!found && !escaped) on_exhausted(hit, at.last_derivative);
 }

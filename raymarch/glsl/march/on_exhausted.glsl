@@ -1,7 +1,6 @@
 // A ray that runs out of steps takes its last sample as hit, if that is within a pixel width of the surface and the ray
 // does not rise from it: a ray that has passed an edge would show a surface that it misses.
 void on_exhausted(inout Hit hit, float derivative) {
-    hit.done = false;
 #ifdef ORTHOGRAPHIC
     hit.found = hit.residual < u_pixel && derivative <= 0.0;
 #else

@@ -4,10 +4,7 @@ Hit trace(Ray ray) {
     float far;
     vec2 spent;
     Hit hit = no_hit(0.0);
-    if (begins(ray, at, far, spent)) {
-        hit = no_hit(at.t);
-        march(ray, at, hit, far);
-    }
+    if (begins(ray, at, far, spent)) march(ray, at, hit, far);
     hit.iterations += spent.x;
     hit.evaluations += spent.y;
 #ifdef ANALYTIC

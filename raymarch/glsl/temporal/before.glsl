@@ -60,7 +60,8 @@ void main() {
 #ifdef OWN_START
     u_side = dot(surface_normal(p, ray.direction), ray.direction) > 0.0 ? -1.0 : 1.0;
 #endif
-    Hit hit = Hit(true, true, far, 0.0, 0.0, 0.0, 0.0);
+    Hit hit = no_hit(far);
+    hit.found = true;
     out_color = vec4(there ? shade(ray, hit) : vec3(0.0), there ? 1.0 : 0.0);
     out_motion = vec4(p - now, 0.0);
 }

@@ -20,7 +20,7 @@ void main() {
         at.r = max((at.r - u_cone * at.t) / (1.0 + u_cone), 0.0);
         spent.y += 1.0 / (u_cell.x * u_cell.y);
 #endif
-        Hit hit = no_hit(at.t);
+        Hit hit = no_hit(0.0);
         march(ray, at, hit, range.y);
         spent += vec2(hit.iterations, hit.evaluations / (u_cell.x * u_cell.y));
         open = hit.found || at.t + at.r <= range.y;

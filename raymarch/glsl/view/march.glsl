@@ -17,7 +17,7 @@ void main() {
     if (u_begin) {
         vec2 spent;
         under_way = begins(ray, at, far, spent);
-        hit = no_hit(under_way ? at.t : 0.0);
+        hit = no_hit(0.0);
         hit.iterations = spent.x;
         hit.evaluations = spent.y;
     } else {
