@@ -16,6 +16,7 @@ import numpy as np
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.function import function, loop
+from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, const
 from raymarch.expr.tables import Table, fetch
 from raymarch.expr.types import FLOAT, VEC3
@@ -30,7 +31,6 @@ from raymarch.expr.vocabulary import (
     length,
     max,
     min,
-    mix,
     round,
     sin,
     sqrt,
@@ -106,24 +106,55 @@ def polyline_tube(
     return sqrt(nearest) - radius
 
 
-def _bezier_bounds(a: Any, b: Any, c: Any, radius: Any) -> tuple[Expr, Expr]:
-    """On each axis the curve turns back at most once, where its speed is zero."""
-    turning = []
-    for start, middle, end in zip(a, b, c, strict=True):
-        bend = start - 2.0 * middle + end
-        t = clamp((start - middle) / where(abs(bend) > 0.0, bend, 1.0), 0.0, 1.0)
-        turning.append(mix(mix(start, middle, t), mix(middle, end, t), t))
-    turn = vec3(*turning)
+# The quadratic Bezier curve, in space and in the plane
+
+
+def _turn(a: Any, b: Any, c: Any) -> Expr:
+    """The points of the curve where it turns back along an axis, or an end."""
+    bend = a - 2.0 * b + c
+    t = clamp((a - b) * bend / max(bend * bend, SMALLEST), 0.0, 1.0)
+    return clamp(a + 2.0 * t * (b - a) + t * t * bend, min(a, b, c), max(a, b, c))
+
+
+def bezier_bounds(a: Any, b: Any, c: Any, radius: Any) -> tuple[Expr, Expr]:
+    """Bounds of all points within a radius of a curve: on each axis it turns back at most once."""
+    turn = _turn(a, b, c)
     return min(a, c, turn) - radius, max(a, c, turn) + radius
 
 
-def _bezier_exactness(a: Any, b: Any, c: Any, radius: Any) -> Exactness:
-    """The reach of an arc of a parabola is at least the radius of curvature at its vertex."""
-    if not all(v.is_constant for v in (a, b, c, radius)):
+def bezier_exactness(a: Any, b: Any, c: Any, radius: Any) -> Exactness:
+    """A bound if a radius of curvature is below the radius: the inner side of the bend then overlaps itself."""
+    if not all(v.is_constant for v in (a, b, c)):
         return "bound"
     speed, bend = b.data - a.data, a.data - 2.0 * b.data + c.data
-    area, size = np.linalg.norm(np.cross(speed, bend)), np.linalg.norm(bend)
-    return "exact" if radius.data * size**3 <= 2.0 * area**2 else "bound"
+    slowest = speed + bend * np.clip(-speed @ bend / np.maximum(bend @ bend, SMALLEST), 0, 1)
+    turn = float(np.linalg.norm(np.cross(*[np.append(v, 0.0)[:3] for v in (speed, bend)])))
+    tightest = 2.0 * float(np.linalg.norm(slowest)) ** 3  # radius of curvature times `turn`
+    return "exact" if float(interval_of(radius)[1]) * turn <= tightest else "bound"
+
+
+def to_bezier(p: Expr, a: Expr, b: Expr, c: Expr) -> Expr:
+    """Distance to the curve from a to c whose tangents at both ends pass through b.
+
+    Half the derivative of the squared distance is a cubic in the curve's parameter with a positive leading coefficient,
+    so it is concave before its inflection and convex after it. Each side has at most one minimum, which Newton's method
+    reaches from the outer end without overshooting, also for straight and folded curves.
+    """
+    w, first, bend = a - p, b - a, a - 2.0 * b + c
+    k0, k1, k2, k3 = dot(w, first), 2.0 * dot(first, first) + dot(w, bend), 3.0 * dot(first, bend), dot(bend, bend)
+    inflection = clamp(-k2 / max(3.0 * k3, SMALLEST), 0.0, 1.0)
+
+    def newton(i: Expr, t: Expr, step: Expr) -> list[Expr]:
+        value = ((k3 * t + k2) * t + k1) * t + k0
+        slope = (3.0 * k3 * t + 2.0 * k2) * t + k1
+        rise = max(vec2(-value.x, value.y), 0.0)
+        step = rise / max(slope, rise, SMALLEST)
+        after = vec2(min(t.x + step.x, inflection), max(t.y - step.y, inflection))
+        return [after, max(*abs(after - t))]
+
+    found, _ = loop(32, [vec2(0.0, 1.0), 1.0], newton, until=lambda i, t, step: step < 1e-5)
+    apart = [w + (2.0 * first + bend * t) * t for t in stop_gradient(found)]
+    return sqrt(min(*[dot(v, v) for v in apart]))
 
 
 def _check_bezier(a: Any, b: Any, c: Any, radius: Any) -> None:
@@ -131,7 +162,7 @@ def _check_bezier(a: Any, b: Any, c: Any, radius: Any) -> None:
         raise SceneError(f"bezier_tube: all three points are {shown(a)}", legal="points that are not all equal")
 
 
-@shape(exactness=_bezier_exactness, bounds=_bezier_bounds, spread=1.0, check=_check_bezier)
+@shape(exactness=bezier_exactness, bounds=bezier_bounds, spread=1.0, check=_check_bezier)
 def bezier_tube(
     p: Expr,
     a: Vec3 = (-0.8, -0.5, 0.2),
@@ -144,31 +175,9 @@ def bezier_tube(
     a, c : ends of the curve. b : control point; the curve leaves a and reaches c in its direction.
     radius : of the tube, > 0.
 
-    Exact outside, and inside if the radius is at most the smallest radius of curvature of the curve's parabola.
-
-    The nearest point of the curve is at an end, or at a root of a cubic where the distance has a minimum. Between its
-    vertex and either end of the curve the cubic has at most one such root and does not change its curvature, so
-    Newton's method from that end converges without overshooting. For a straight curve, where the cubic is a line, it
-    takes one step; Cardano's formula would divide by zero. The smaller of the two distances counts.
+    Exact outside, and inside if the radius is at most the smallest radius of curvature of the curve.
     """
-    speed, bend = b - a, a - 2.0 * b + c
-    from_p = a - p
-    k0, k1 = dot(from_p, speed), 2.0 * dot(speed, speed) + dot(from_p, bend)
-    k2, k3 = 3.0 * dot(speed, bend), dot(bend, bend)
-    least = max(1e-6 * (dot(speed, speed) + k3), SMALLEST)  # the slope is less only where the distance hardly changes
-
-    def newton(i: Expr, s: Expr, t: Expr, step: Expr) -> list[Expr]:
-        value = k0 + vec2(s, t) * (k1 + vec2(s, t) * (k2 + vec2(s, t) * k3))
-        slope = max(k1 + vec2(s, t) * (2.0 * k2 + vec2(s, t) * (3.0 * k3)), least)
-        low = clamp(s + max(-value.x, 0.0) / slope.x, 0.0, 1.0)
-        high = clamp(t - max(value.y, 0.0) / slope.y, 0.0, 1.0)
-        return [low, high, max(low - s, t - high)]
-
-    s, t, _ = loop(24, [0.0, 1.0, 1.0], newton, until=lambda i, s, t, step: step < 1e-6)
-    s, t = stop_gradient(s), stop_gradient(t)
-    to_s = from_p + s * (2.0 * speed + s * bend)
-    to_t = from_p + t * (2.0 * speed + t * bend)
-    return sqrt(min(dot(to_s, to_s), dot(to_t, to_t))) - radius
+    return to_bezier(p, a, b, c) - radius
 
 
 def _helix_exactness(major: Any, minor: Any, pitch: Any, turns: Any) -> Exactness:

@@ -9,11 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
-from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.function import function, loop
-from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr
 from raymarch.expr.types import FLOAT, VEC2
 from raymarch.expr.vocabulary import (
@@ -32,6 +28,7 @@ from raymarch.expr.vocabulary import (
     vec2,
     where,
 )
+from raymarch.sdf.curves import bezier_bounds, bezier_exactness, to_bezier
 from raymarch.sdf.definition import cube, shape
 from raymarch.sdf.domain import Fits, Positive, Size2, Turn, Vec2, surely
 from raymarch.sdf.facts import Exactness
@@ -276,39 +273,12 @@ def moon(p: Expr, radius: Positive = 1.0, bite: Positive = 0.8, offset: Positive
 # The quadratic Bézier curve
 
 
-def _extreme(a: Expr, b: Expr, c: Expr) -> Expr:
-    """The points of the curve where its derivative along an axis is 0, or an end."""
-    bend = a - 2.0 * b + c
-    t = clamp((a - b) * bend / max(bend * bend, SMALLEST), 0.0, 1.0)
-    return a + 2.0 * t * (b - a) + t * t * bend
-
-
-def _bezier_bounds(a: Expr, b: Expr, c: Expr, thickness: Any) -> tuple[Expr, Expr]:
-    """Bounds from the extreme points, clipped to the triangle of the control points, which contains the curve."""
-    lowest, highest = min(a, b, c), max(a, b, c)
-    turn = clamp(_extreme(a, b, c), lowest, highest)
-    return min(a, c, turn) - 0.5 * thickness, max(a, c, turn) + 0.5 * thickness
-
-
-def _exact_if_wide(a: Expr, b: Expr, c: Expr, thickness: Expr) -> Exactness:
-    """A bound if a radius of curvature is below half the width: the inner side of the bend then overlaps itself."""
-    if not (a.is_constant and b.is_constant and c.is_constant):
-        return "bound"
-    first, bend = b.data - a.data, a.data - 2 * b.data + c.data
-    turn = math.fabs(first[0] * bend[1] - first[1] * bend[0])
-    slowest = first + bend * np.clip(-first @ bend / np.maximum(bend @ bend, SMALLEST), 0, 1)
-    tightest = 2 * np.linalg.norm(slowest) ** 3  # radius of curvature times `turn`
-    return "exact" if float(interval_of(thickness)[1]) / 2 * turn <= tightest else "bound"
-
-
-@function(rise=FLOAT, slope=FLOAT)
-def newton_step(rise: Expr, slope: Expr) -> Expr:
-    """rise / slope, at most 1; 0 if the rise is 0."""
-    steep = slope > rise
-    return where(rise > 0.0, where(steep, rise, 1.0) / where(steep, slope, 1.0), 0.0)
-
-
-@shape(exactness=_exact_if_wide, bounds=_bezier_bounds, spread=1.0, dimension=2)
+@shape(
+    exactness=lambda a, b, c, thickness: bezier_exactness(a, b, c, 0.5 * thickness),
+    bounds=lambda a, b, c, thickness: bezier_bounds(a, b, c, 0.5 * thickness),
+    spread=1.0,
+    dimension=2,
+)
 def bezier(
     p: Expr,
     a: Vec2 = (-0.8, -0.5),
@@ -321,28 +291,6 @@ def bezier(
     a, b, c : the control points; the curve runs from a to c, and its tangents at both ends pass through b.
     thickness : full width, > 0.
 
-    Exact if no radius of curvature is below half the thickness, else a bound inside. Half the derivative of the
-    squared distance is a cubic in the curve's parameter with a positive leading coefficient, so it is concave before
-    its inflection and convex after it. Each side has at most one minimum, which Newton's method reaches from the outer
-    end without overshooting, also for straight and folded curves.
+    Exact if no radius of curvature is below half the thickness, else a bound inside.
     """
-    w, first, bend = a - p, b - a, a - 2.0 * b + c
-    k0, k1, k2, k3 = dot(w, first), 2.0 * dot(first, first) + dot(w, bend), 3.0 * dot(first, bend), dot(bend, bend)
-    inflection = clamp(-k2 / max(3.0 * k3, SMALLEST), 0.0, 1.0)
-
-    def approach(low: Expr, high: Expr) -> list[Expr]:
-        at_low, at_high = [((k3 * t + k2) * t + k1) * t + k0 for t in (low, high)]
-        slope_low, slope_high = [(3.0 * k3 * t + 2.0 * k2) * t + k1 for t in (low, high)]
-        return [
-            min(low + newton_step(max(-at_low, 0.0), slope_low), inflection),
-            max(high - newton_step(max(at_high, 0.0), slope_high), inflection),
-        ]
-
-    def arrived(i: Expr, low: Expr, high: Expr) -> Expr:
-        next_low, next_high = approach(low, high)
-        return max(next_low - low, high - next_high) < 1e-5
-
-    low, high = loop(32, [0.0, 1.0], lambda i, low, high: approach(low, high), until=arrived)
-    low, high = approach(low, high)  # the last step squares the remaining error
-    apart = [w + (2.0 * first + bend * t) * t for t in (stop_gradient(low), stop_gradient(high))]
-    return sqrt(min(*[dot(v, v) for v in apart])) - 0.5 * thickness
+    return to_bezier(p, a, b, c) - 0.5 * thickness
