@@ -128,7 +128,8 @@ def bezier_exactness(a: Any, b: Any, c: Any, radius: Any) -> Exactness:
         return "bound"
     speed, bend = b.data - a.data, a.data - 2.0 * b.data + c.data
     slowest = speed + bend * np.clip(-speed @ bend / np.maximum(bend @ bend, SMALLEST), 0, 1)
-    turn = float(np.linalg.norm(np.cross(*[np.append(v, 0.0)[:3] for v in (speed, bend)])))
+    turned = np.outer(speed, bend) - np.outer(bend, speed)  # each component of the cross product, twice
+    turn = float(np.linalg.norm(turned)) * math.sqrt(0.5)
     tightest = 2.0 * float(np.linalg.norm(slowest)) ** 3  # radius of curvature times `turn`
     return "exact" if float(interval_of(radius)[1]) * turn <= tightest else "bound"
 

@@ -166,11 +166,11 @@ class Solid:
         return where(r.x > 0.0, length(max(r, 0.0)), r.x)
 
 
-def polyhedron(mirrors: Mirrors, *ringed: int) -> Callable[[Callable[[Expr, Scalar], Expr]], Callable[..., Node]]:
+def polyhedron(mirrors: Mirrors, *ringed: int) -> Callable[[Callable[[Expr, Scalar], None]], Callable[..., Node]]:
     """Decorator: a name with its docstring becomes the shape of `Solid(mirrors, ringed)`."""
     solid = Solid(mirrors, ringed)
 
-    def decorate(named: Callable[[Expr, Scalar], Expr]) -> Callable[..., Node]:
+    def decorate(named: Callable[[Expr, Scalar], None]) -> Callable[..., Node]:
         @wraps(named)
         def field(p: Expr, radius: Scalar) -> Expr:
             return solid.distance(p, radius)
@@ -182,7 +182,7 @@ def polyhedron(mirrors: Mirrors, *ringed: int) -> Callable[[Callable[[Expr, Scal
 
 
 @polyhedron(TETRAHEDRAL, 0)
-def tetrahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-body]
+def tetrahedron(p: Expr, radius: Positive = 1.0) -> None:
     """Regular tetrahedron; its vertices are four corners of a cube, one in the direction (1, 1, 1).
 
     radius : distance of the vertices from the origin, > 0; an edge is 1.633 times as long.
@@ -190,7 +190,7 @@ def tetrahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-
 
 
 @polyhedron(OCTAHEDRAL, 2)
-def octahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-body]
+def octahedron(p: Expr, radius: Positive = 1.0) -> None:
     """Regular octahedron; its vertices lie on the axes.
 
     radius : distance of the vertices from the origin, > 0; an edge is 1.414 times as long.
@@ -198,7 +198,7 @@ def octahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-b
 
 
 @polyhedron(ICOSAHEDRAL, 0)
-def dodecahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-body]
+def dodecahedron(p: Expr, radius: Positive = 1.0) -> None:
     """Regular dodecahedron: twelve pentagons.
 
     radius : distance of the vertices from the origin, > 0; an edge is 0.714 times as long.
@@ -206,7 +206,7 @@ def dodecahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty
 
 
 @polyhedron(ICOSAHEDRAL, 2)
-def icosahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-body]
+def icosahedron(p: Expr, radius: Positive = 1.0) -> None:
     """Regular icosahedron: twenty triangles.
 
     radius : distance of the vertices from the origin, > 0; an edge is 1.051 times as long.
@@ -214,7 +214,7 @@ def icosahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-
 
 
 @polyhedron(TETRAHEDRAL, 0, 1)
-def truncated_tetrahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-body]
+def truncated_tetrahedron(p: Expr, radius: Positive = 1.0) -> None:
     """Tetrahedron with its corners cut off: four triangles, four regular hexagons.
 
     radius : distance of the vertices from the origin, > 0; an edge is 0.853 times as long.
@@ -222,7 +222,7 @@ def truncated_tetrahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ign
 
 
 @polyhedron(OCTAHEDRAL, 0, 1)
-def truncated_cube(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-body]
+def truncated_cube(p: Expr, radius: Positive = 1.0) -> None:
     """Cube with its corners cut off: eight triangles, six regular octagons.
 
     radius : distance of the vertices from the origin, > 0; an edge is 0.562 times as long.
@@ -230,7 +230,7 @@ def truncated_cube(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[emp
 
 
 @polyhedron(OCTAHEDRAL, 1, 2)
-def truncated_octahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-body]
+def truncated_octahedron(p: Expr, radius: Positive = 1.0) -> None:
     """Octahedron with its corners cut off: six squares, eight regular hexagons. Its copies fill space.
 
     radius : distance of the vertices from the origin, > 0; an edge is 0.632 times as long.
@@ -238,7 +238,7 @@ def truncated_octahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: igno
 
 
 @polyhedron(OCTAHEDRAL, 1)
-def cuboctahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-body]
+def cuboctahedron(p: Expr, radius: Positive = 1.0) -> None:
     """Cube cut off at the midpoints of its edges: eight triangles, six squares.
 
     radius : distance of the vertices from the origin, > 0; an edge has the same length.
@@ -246,7 +246,7 @@ def cuboctahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empt
 
 
 @polyhedron(OCTAHEDRAL, 0, 2)
-def rhombicuboctahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-body]
+def rhombicuboctahedron(p: Expr, radius: Positive = 1.0) -> None:
     """Cube whose edges and corners are cut off: eight triangles, eighteen squares.
 
     radius : distance of the vertices from the origin, > 0; an edge is 0.715 times as long.
@@ -254,7 +254,7 @@ def rhombicuboctahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignor
 
 
 @polyhedron(ICOSAHEDRAL, 0, 1)
-def truncated_dodecahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-body]
+def truncated_dodecahedron(p: Expr, radius: Positive = 1.0) -> None:
     """Dodecahedron with its corners cut off: twenty triangles, twelve regular decagons.
 
     radius : distance of the vertices from the origin, > 0; an edge is 0.337 times as long.
@@ -262,7 +262,7 @@ def truncated_dodecahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ig
 
 
 @polyhedron(ICOSAHEDRAL, 1, 2)
-def truncated_icosahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-body]
+def truncated_icosahedron(p: Expr, radius: Positive = 1.0) -> None:
     """Icosahedron with its corners cut off, the football: twelve pentagons, twenty regular hexagons.
 
     radius : distance of the vertices from the origin, > 0; an edge is 0.404 times as long.
@@ -270,7 +270,7 @@ def truncated_icosahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ign
 
 
 @polyhedron(ICOSAHEDRAL, 1)
-def icosidodecahedron(p: Expr, radius: Positive = 1.0) -> Expr:  # type: ignore[empty-body]
+def icosidodecahedron(p: Expr, radius: Positive = 1.0) -> None:
     """Icosahedron cut off at the midpoints of its edges: twenty triangles, twelve pentagons.
 
     radius : distance of the vertices from the origin, > 0; an edge is 0.618 times as long.
