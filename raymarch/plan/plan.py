@@ -41,10 +41,10 @@ from raymarch.scene.legal import Condition, conditions_of
 from raymarch.scene.origin import DefaultView, InReach, default_view, origin_of, range_warning, refuse_extent, seen_from
 from raymarch.scene.parameter import Spec
 from raymarch.scene.post import PostEffect
-from raymarch.scene.quality import Quality
+from raymarch.scene.quality import CONTACT, Quality
 from raymarch.scene.scene import Scene, all_nodes, check_scene
 from raymarch.sdf.lower import Lowering
-from raymarch.sdf.node import Node
+from raymarch.sdf.node import Node, flatness
 from raymarch.sdf.rows import Rows
 from raymarch.sdf.visibility import KINDS, hidden_from, hiding_nodes, labels_hidden_from
 
@@ -132,6 +132,14 @@ class Plan:
     def epsilon(self) -> float:
         """Distance to a surface, in pixel widths, at which a ray starts to refine its hit."""
         return self.scene.quality.near(self.certified)
+
+    @property
+    def contact_share(self) -> float:
+        """The largest absolute value of the field at a hit, as a fraction of epsilon; 1 for estimates.
+
+        It is so small that the hit is within an epsilon of the surface, however flat the field.
+        """
+        return min(CONTACT, 1.0 / flatness(self.scene.node)) if self.certified else 1.0
 
     @property
     def lights_as_data(self) -> bool:

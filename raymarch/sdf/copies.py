@@ -168,6 +168,7 @@ def _ring(facts: Facts) -> tuple[float, float, float, float]:
     low, high = facts.lower[[0, 2]], facts.upper[[0, 2]]
     nearest = np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0))
     farthest = np.linalg.norm(np.maximum(np.abs(low), np.abs(high)))
+    farthest = np.minimum(farthest, UNBOUNDED)
     bottom, top = facts.lower[1], facts.upper[1]
     if not np.isfinite(top - bottom):
         return float(nearest), float(farthest), 0.0, UNBOUNDED

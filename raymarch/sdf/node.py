@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Callable, Mapping
 from functools import wraps
 from importlib import import_module
@@ -296,6 +297,15 @@ def all_nodes(root: Node) -> list[Node]:
                 found[id(child)] = child
                 pending.append(child)
     return list(found.values())
+
+
+def flatness(root: Node) -> float:
+    """How many times as large as the field the distance to a surface may be: 1 or more.
+
+    It is the largest spread of the nodes of a tree, such as the ratio of the factors of an uneven scale. Nodes whose
+    spread is not known are left out.
+    """
+    return max((node.facts.spread for node in all_nodes(root) if math.isfinite(node.facts.spread)), default=1.0)
 
 
 def children_first(root: Node) -> list[Node]:

@@ -27,7 +27,7 @@ from raymarch.expr.texels import Texels
 from raymarch.expr.types import Type
 from raymarch.expr.walk import find, topological
 from raymarch.plan import Pass, Plan
-from raymarch.scene.quality import CONTACT, RELAXATION
+from raymarch.scene.quality import RELAXATION
 from raymarch.scene.relief import footprint_axis, shading_normal
 from raymarch.scene.scene import all_nodes
 from raymarch.sdf.labels import rows_of
@@ -242,7 +242,7 @@ def _constants(plan: Plan) -> dict[str, Mapped]:
         "secondary_steps": ("int", str(quality.secondary_steps)),
         "march_steps": ("int", "" if plan.marching.cones or plan.marching.resumed else steps),
         "epsilon_pixels": ("float", literal(plan.epsilon)),
-        "contact_share": ("float", literal(CONTACT if plan.certified else 1.0)),
+        "contact_share": ("float", literal(plan.contact_share)),
         "leap_pixels": ("float", literal(1.0 if plan.epsilon <= 0.1 else LEAP)),
         "cone_share": ("float", literal(CONE_SHARE)),
         "step_scale": ("float", literal(quality.step_scale)),

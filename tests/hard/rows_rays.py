@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import raymarch as rm
 from raymarch.expr.vocabulary import length, where
@@ -471,3 +472,38 @@ def thin_walls(world: World) -> Iterator[Figure]:
         facing = np.sum(frame.normal * view.directions, axis=-1)[np.isfinite(frame.depth)]
         most = max(most, int(np.sum(facing > 0.25)))
     yield Figure("pixels whose normal faces away from the camera", most, 0, "no visible side does")
+
+
+@case(89, "bounds that are flat", "127 pixels beside three discs that were drawn, 134 beside their shadows")
+def flat_bounds(world: World) -> Iterator[Figure]:
+    """After an uneven scale the field rises slowly along the long axes: points far from the surface have the small
+    values of a hit. The largest value of a hit is an epsilon over the largest ratio of a distance to its field."""
+    view = view_of((1.5, 1.2, 3), (0, 0, 0))
+    sun = np.array((1.0, 2.0, 1.5)) / np.linalg.norm((1.0, 2.0, 1.5))
+    lost = wrong = dark = 0
+    for thickness in (0.1, 0.01, 0.001):
+        disc = rm.sphere().scale((1, thickness, 1))
+
+        def meets(origins: Any, directions: Any, grown: float, thickness: float = thickness) -> NDArray[np.bool_]:
+            scale = np.array((1.0, thickness, 1.0)) + grown
+            across = directions / scale
+            across /= np.linalg.norm(across, axis=-1, keepdims=True)
+            return np.isfinite(hit_sphere(origins / scale, across, (0, 0, 0), 1.0))
+
+        grown = 2.0 * EPSILON * view.pixel * 5.0
+        found = np.isfinite(world.draw(rm.Scene(disc, camera_of(view)), outputs=("depth",)).depth)
+        lost += int(np.sum(meets(view.origin, view.directions, -1e-5) & ~found))
+        wrong += int(np.sum(found & ~meets(view.origin, view.directions, grown)))
+        scene = rm.Scene(
+            disc.visible(camera=False) | rm.plane(offset=-0.5), camera_of(view), [rm.Sun(sun, shadow=True)]
+        )
+        color = world.draw(scene, outputs=("color",)).color[..., 0]
+        t = hit_plane(view.origin, view.directions, -0.5)
+        shadow = meets(
+            points(view.origin, view.directions, t), np.broadcast_to(sun, view.directions.shape), 2.0 * grown
+        )
+        near = np.isfinite(t) & (t < 20.0)
+        dark += int(np.sum(near & ~shadow & (color < 0.5 * color[near].max())))
+    yield Figure("pixels of the discs that are missing", lost, 0, "a safe step passes nothing")
+    yield Figure("pixels more than an epsilon beside the discs", wrong, 0, "epsilon over the largest ratio")
+    yield Figure("pixels beside their shadows that are dark", dark, 0, "epsilon over the largest ratio")

@@ -14,7 +14,7 @@ import raymarch.expr.vocabulary as v
 from raymarch.errors import SceneError
 from raymarch.expr import expr
 from raymarch.scene.parameter import Param
-from raymarch.sdf import Node, box, capsule, circle, cylinder, plane, rectangle, repeat, shape, sphere
+from raymarch.sdf import Node, box, capsule, circle, cylinder, plane, rectangle, repeat, shape, slab, sphere
 from raymarch.sdf.domain import Positive
 from tests.support.refusals import refused
 
@@ -241,3 +241,10 @@ def test_flat_shapes_repeat_in_their_plane(grid: Any) -> None:
     np.testing.assert_allclose(
         exact.distance(points), all_copies(circle(0.3).translate((0.1, 0.15)), points, *grid), atol=1e-12
     )
+
+
+def test_polar_copies_of_a_solid_that_is_bounded_along_y_alone() -> None:
+    wall = (slab((0, 1, 0), 0.4) - plane((1, 0, 0), 1.0)).rotate(0.3, "y")
+    points = np.random.default_rng(3).uniform(-3, 3, (500, 3))
+    copies = np.min([wall.rotate(2 * np.pi * i / 5, "y").distance(points) for i in range(5)], axis=0)
+    np.testing.assert_allclose(wall.polar(5).distance(points), copies, atol=1e-12)
