@@ -22,6 +22,10 @@ class Surface:
     """A mesh that is closed and wound outwards.
 
     solid : of trimesh. cell : pieces of the surface are about as large.
+
+    Attributes
+    ----------
+    centres, areas : of the pieces, (N, 3) and (N,).
     """
 
     def __init__(self, solid: Any, cell: float) -> None:
@@ -35,6 +39,10 @@ class Surface:
         centres = corners.mean(axis=1)
         self._reach = float(np.linalg.norm(corners - centres[:, None], axis=-1).max())
         self._tree, self._owner, self._near = cKDTree(centres), np.asarray(owner), NEAR * cell
+        self.centres = centres
+        self.areas = 0.5 * np.linalg.norm(
+            np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+        )
         self._triangles = np.asarray(solid.triangles)
         self._normals = _pseudonormals(self._triangles, np.asarray(solid.faces))
 

@@ -255,7 +255,8 @@ def mesh(
     cache : folder of the cache, which is keyed by content; default $RAYMARCH_CACHE, or the user's cache.
 
     A mesh that is inside out, as a whole or in a part, is reversed. Triangles wound against their neighbours are
-    reversed too. A SceneWarning reports both. Lengths are used unchanged: files do not state their unit.
+    reversed too. A SceneWarning reports both, and parts that are missing because they are thinner than the distance of
+    samples. Lengths are used unchanged: files do not state their unit.
 
     Needs the extra `mesh` (trimesh, rtree, scipy). Raises SceneError for a file that cannot be read or holds no
     triangles, for vertices that are not finite, and for a mesh that is open, non-manifold, one-sided or flat, or cuts
@@ -271,14 +272,19 @@ def mesh(
         content = Path(file).read_bytes()
     except OSError as fault:
         raise SceneError(f"mesh: cannot read '{file}': {fault.strerror or fault}", legal="a mesh file") from None
-    key = hashlib.sha256(content + f"{extent} {resolution} 4".encode()).hexdigest()[:24]
+    key = hashlib.sha256(content + f"{extent} {resolution} 5".encode()).hexdigest()[:24]
     kept = disk.folder() if folder is None else Path(folder)
     kept = kept and kept / f"mesh-{key}.npz"
     found = None if kept is None else _from_cache(kept)
     if found is None:
         solid, unit, repairs = _load_mesh(Path(file), extent)
-        sampled = _sample_mesh(solid, resolution, progress, f"mesh: '{file}'")
+        *sampled, missing = _sample_mesh(solid, resolution, progress, f"mesh: '{file}'")
         values, size, centre = (unit * part for part in sampled)
+        if missing > 0.01:
+            repairs.append(
+                f"mesh: '{file}': {100 * missing:.2g} % of the surface bounds parts thinner than the distance of samples, "
+                f"{size[0] / (values.shape[2] - 1):.3g}, and is missing: resolution={resolution} is too small for them"
+            )
         if kept is not None:
             arrays = {"values": values, "size": size, "centre": centre, "repairs": np.array(repairs, np.str_)}
             if lost := disk.save(kept, arrays, compressed=True):
@@ -412,8 +418,11 @@ def _holds(other: Any, one: Any) -> bool:
     return bool(boxed and other.ray.contains_points(one.vertices[:64]).all())
 
 
-def _sample_mesh(solid: Any, resolution: int, progress: Progress | None, what: str) -> tuple[Any, Any, Any]:
-    """Distances on a grid that leaves two cells of room on each side, slab by slab."""
+def _sample_mesh(solid: Any, resolution: int, progress: Progress | None, what: str) -> tuple[Any, Any, Any, float]:
+    """Distances on a grid that leaves two cells of room on each side, slab by slab; its extents and its centre.
+
+    The last result is the share of the surface that has no sample inside within a cell or so.
+    """
     cell = float(solid.extents.max()) / (resolution - 5)
     counts = np.ceil(solid.extents / cell).astype(int) + 5
     size = cell * (counts - 1)
@@ -430,7 +439,15 @@ def _sample_mesh(solid: Any, resolution: int, progress: Progress | None, what: s
     if jumps > 1.25 * cell or values[0, 0, 0] < 0.0:
         legal = "a mesh that does not cut itself, no part of which lies in another but a cavity"
         raise SceneError(f"{what}: inside and outside are not clear", legal=legal)
-    return values, size, centre
+    inside = np.pad(values <= 0.0, 1)
+    for axis in range(3):
+        inside |= np.roll(inside, 1, axis) | np.roll(inside, -1, axis)
+    nearest = tuple(np.rint((surface.centres - centre + 0.5 * size) / cell).astype(int)[:, ::-1].T + 1)
+    missing = float(surface.areas[~inside[nearest]].sum() / surface.areas.sum())
+    if missing == 1.0:
+        thin = f"every part of the mesh is thinner than the distance of samples, {cell:.3g}"
+        raise SceneError(f"{what}: resolution = {resolution}: {thin}", legal="more samples, up to 256")
+    return values, size, centre, missing
 
 
 # Height maps

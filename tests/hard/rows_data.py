@@ -258,6 +258,34 @@ def inside_out(world: World) -> Iterator[Figure]:
         )
 
 
+@case(90, "a mesh thinner than its samples", before="an empty picture, or part of the mesh, exit code 0, no warning")
+def thinner_than_samples(world: World) -> Iterator[Figure]:
+    """A wall between two samples has no sample inside. A mesh without any is refused, and one that loses more than a
+    hundredth of its surface warns of the share."""
+    cube, sheet = trimesh.creation.box((1, 1, 1)), trimesh.creation.box((1, 1, 0.01))
+    fin = trimesh.util.concatenate([cube, trimesh.creation.box((1, 1, 0.01)).apply_translation((0, 0, 1.013))])
+    beside = trimesh.util.concatenate([cube, trimesh.creation.box((0.1, 0.1, 0.01)).apply_translation((0, 0, 1.013))])
+    silent = 0
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "thin.stl"
+
+        def read(solid: trimesh.Trimesh, resolution: int) -> rm.Node:
+            solid.export(file)
+            return rm.mesh(file, resolution=resolution, cache=folder)
+
+        for solid, share in ((cube, None), (fin, "25 %"), (beside, None), (trimesh.creation.icosphere(2), None)):
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                read(solid, 24)
+            words = [str(one.message) for one in caught]
+            silent += len(words) != (share is not None) or not all(f"{share} of the surface" in text for text in words)
+        yield Figure("meshes with a wrong warning, or without one, of 4", silent, 0, "more than 1 % is missing")
+        yield refusals(
+            (lambda: read(sheet, 24), ("resolution = 24", "0.0526", "thin.stl", "up to 256")),
+            (lambda: read(sheet.copy().apply_scale(1e-3), 64), ("resolution = 64", "thin.stl")),
+        )
+
+
 @case(78, "deep trees", before="200 smooth unions compile for 16 s, 1,000 for 346 s, without a word")
 def deep(world: World) -> Iterator[Figure]:
     """Software renderers compile a field in a time that grows with the square of its operations. The time is estimated
