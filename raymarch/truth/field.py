@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -21,6 +22,7 @@ from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.lower import SCENE_INTERACTION, Lowering, material_expressions
+from raymarch.sdf.node import Node
 from raymarch.sdf.visibility import hiding_nodes
 from raymarch.sdf.weights import weights_of
 
@@ -47,10 +49,12 @@ class Field:
     certified : False for a field whose exactness is "estimate": its values are not safe steps.
     """
 
-    def __init__(self, scene: Scene, values: Values, rays: str = "camera") -> None:
-        self._scene, self._values, self._kinds = scene, values, {rays: self}
-        self.certified = scene.node.exactness != "estimate"
-        self._root_of_rays = root = Lowering(rays=rays).field(scene.node)
+    def __init__(self, scene: Scene, values: Values, rays: str = "camera", node: Node | None = None) -> None:
+        """node : the solid in place of that of the scene, a part of it."""
+        self._node = scene.node if node is None else node
+        self._scene, self._values, self._rays, self._kinds = scene, values, rays, {rays: self}
+        self.certified = self._node.exactness != "estimate"
+        self._root_of_rays = root = Lowering(rays=rays).field(self._node)
         p = root.params[0]
         affine, other = _split(root.body, p)
         self._root = evaluator([root.body], [p])
@@ -58,20 +62,30 @@ class Field:
         self._planes = evaluator(affine, [p])
         normals = [values.of(gradient(operand, p)) for operand in affine]
         self.plane_normals: NDArray[np.float64] = np.array(normals, np.float64).reshape(-1, 3)
-        gradient_function = companion(root)
-        self._gradient = evaluator([gradient_function.body], gradient_function.params)
-        self._marks, self._weights = _material_weights(scene, rays)
-        self._materials = evaluator(
-            [number for mark in self._marks for number in _numbers_of(material_expressions(mark))],
-            [p, *SCENE_INTERACTION],
-        )
+
+    @cached_property
+    def _gradient(self) -> Evaluate:
+        slope = companion(self._root_of_rays)
+        return evaluator([slope.body], slope.params)
+
+    @cached_property
+    def _marked(self) -> tuple[list[Expr], Evaluate]:
+        """The parts with materials, and an evaluator of d field / d distance for each."""
+        marked = Lowering(rays=self._rays).field(self._node, label=self._scene.materials[0])
+        marks, weights = weights_of(marked)
+        return marks, evaluator(weights, marked.params)
+
+    @cached_property
+    def _materials(self) -> Evaluate:
+        numbers = [number for mark in self._marked[0] for number in _numbers_of(material_expressions(mark))]
+        return evaluator(numbers, [self._root_of_rays.params[0], *SCENE_INTERACTION])
 
     def of(self, rays: str) -> Field:
         """The field of a kind of rays, of `raymarch.sdf.visibility.KINDS`."""
-        if not hiding_nodes(self._scene.node):
+        if not hiding_nodes(self._node):
             return self
         if rays not in self._kinds:
-            self._kinds[rays] = made = Field(self._scene, self._values, rays)
+            self._kinds[rays] = made = Field(self._scene, self._values, rays, self._node)
             made._kinds = self._kinds
         return self._kinds[rays]
 
@@ -116,7 +130,8 @@ class Field:
         """
         materials = self._scene.materials
         weights = np.zeros((points.shape[0], len(materials)))
-        for mark, weight in zip(self._marks, self._run(self._weights, points, ()), strict=True):
+        marks, weigh = self._marked
+        for mark, weight in zip(marks, self._run(weigh, points, ()), strict=True):
             weights[:, materials.index(mark.data)] += np.abs(weight)
         total = weights.sum(axis=1)
         weights[~((total > 0.0) & np.isfinite(total))] = np.eye(len(materials))[0]
@@ -139,8 +154,9 @@ class Field:
         """
         default = self._scene.materials[0]
         default_values = np.array([self._values.of(number) for number in _numbers_of(default.expressions)])
-        shape = (len(self._marks), len(default_values), len(points))
-        weights = np.abs(np.array(self._run(self._weights, points, ()))).reshape(shape[0], shape[2])
+        marks, weigh = self._marked
+        shape = (len(marks), len(default_values), len(points))
+        weights = np.abs(np.array(self._run(weigh, points, ()))).reshape(shape[0], shape[2])
         values = np.array(self._run(self._materials, points, (), *(frame or 3 * (points,)))).reshape(shape)
         total = weights.sum(axis=0)
         blended = (total > 0.0) & np.isfinite(total)
@@ -154,7 +170,7 @@ class Field:
         stacked: NDArray[np.float64] = np.stack(values)
         if np.isnan(stacked).any():
             where = points[np.isnan(stacked).any(axis=0)][0]
-            node = self._scene.node
+            node = self._node
             raise SceneError(f"the field of {node.name} is NaN at {where.tolist()}", legal="a number", where=node.where)
         return stacked
 
@@ -206,10 +222,3 @@ def _is_affine(part: Expr, p: Expr) -> bool:
 def _numbers_of(fields: Sequence[Expr]) -> list[Expr]:
     """The fields of a material as scalars: vectors are split into components."""
     return [number for value in fields for number in (value if value.type.is_vector else (value,))]
-
-
-def _material_weights(scene: Scene, rays: str) -> tuple[list[Expr], Evaluate]:
-    """The marked parts, and an evaluator of d field / d distance for each."""
-    marked = Lowering(rays=rays).field(scene.node, label=scene.materials[0])
-    marks, weights = weights_of(marked)
-    return marks, evaluator(weights, marked.params)

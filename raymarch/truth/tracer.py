@@ -16,6 +16,7 @@ from raymarch.expr.convert import short
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.scene import Scene, check_scene
+from raymarch.sdf.node import Node
 from raymarch.truth.field import Field
 from raymarch.truth.fog import sky_seen
 from raymarch.truth.march import Roots
@@ -213,13 +214,22 @@ def _mean_over_lens(
     return total / count
 
 
-def trace(scene: Scene, values: Values, pose: Pose, rays: Rays, shape: tuple[int, int], pixel: float) -> Truth:
+def trace(
+    scene: Scene,
+    values: Values,
+    pose: Pose,
+    rays: Rays,
+    shape: tuple[int, int],
+    pixel: float,
+    node: Node | None = None,
+) -> Truth:
     """Trace H times W rays of a camera; the result is a picture of shape (H, W).
 
     pixel : width of the footprint of each ray at distance 1, or of an orthographic camera at all distances.
+    node : the part of the scene's solid that the rays can meet; None for all. With a part, there are no colours.
     """
     far = scene.far(pose, values)
-    scene_field = Field(scene, values)
+    scene_field = Field(scene, values, node=node)
     roots, sides = _first_hits_of_camera(scene, scene_field, pose, rays, far)
     surfaces = []
     residual = np.zeros(roots.t.shape)

@@ -13,13 +13,16 @@ from numpy.typing import NDArray
 
 from raymarch.errors import Location, RaymarchError
 from raymarch.expr.arrays import bound, evaluator
+from raymarch.expr.function import Function
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node, children_first
 from raymarch.sdf.placing import with_label
+from raymarch.sdf.rows import Rows
 from raymarch.sdf.weights import weights_of
+from raymarch.truth.narrow import along_ray
 from raymarch.truth.rays import Rays
 from raymarch.truth.tracer import trace
 from raymarch.window.news import near
@@ -136,10 +139,11 @@ class Inquiry:
 
 def verified(pick: Pick, scene: Scene, values: Values, origin: Vector, ray: Vector, pose: Pose) -> Pick:
     """The pick with the reference values of its ray and the shape at the hit. pose : of the clip planes."""
-    found = trace(scene, values, pose, Rays(origin[None], ray[None]), (1, 1), pose.pixel(1))
+    near = along_ray(scene.node, pose, origin, ray)
+    found = trace(scene, values, pose, Rays(origin[None], ray[None]), (1, 1), pose.pixel(1), near)
     depth = float(found.depth[0, 0])
     distance = depth if np.isfinite(depth) else pick.distance
-    node = part_at(scene, values, origin + distance * ray) if np.isfinite(distance) else None
+    node = part_at(near, values, origin + distance * ray) if np.isfinite(distance) else None
     return replace(
         pick,
         true=depth,
@@ -150,22 +154,32 @@ def verified(pick: Pick, scene: Scene, values: Values, origin: Vector, ray: Vect
     )
 
 
-def part_at(scene: Scene, values: Values, point: Vector) -> Node:
-    """The shape with the largest partial derivative of the field at a point.
+def part_at(root: Node, values: Values, point: Vector) -> Node:
+    """The shape of a tree with the largest partial derivative of the field at a point.
 
     The same derivatives are the weights of materials, so the result is the visible shape.
     """
-    shapes = _labelled(scene.node)
-    marked = Lowering().field(shapes, label=scene.node)
+    shapes = _labelled(root)
+    marked = Lowering(objects=_Whole()).field(shapes, label=root)
     marks, weights = weights_of(marked)
     if not marks:
-        return scene.node
+        return root
     weigh = evaluator(weights, marked.params)
     with bound(values.params, values.time):
         found: dict[Node, float] = {}
         for mark, weight in zip(marks, weigh(point[None, :]), strict=True):
             found[mark.data] = found.get(mark.data, 0.0) + float(np.ravel(weight)[0])
     return max(found, key=lambda node: found[node])
+
+
+class _Whole:
+    """Instances as one part, whatever materials they have; see `raymarch.sdf.lower.Objects`."""
+
+    def distance(self, rows: Rows) -> Function:
+        return rows.field
+
+    def label(self, rows: Rows, inherited: Any) -> Any:
+        return inherited
 
 
 def _labelled(root: Node) -> Node:
