@@ -37,8 +37,8 @@ text; from 75 objects on each frame is faster as data. See docs/scale.md."""
 ALIKE = 8
 """Least number of objects of one form that are worth rows; fewer stay text."""
 
-AS_DATA_IF_SLOW, ALIKE_IF_SLOW = 4, 2
-"""The same two numbers if all objects as text would take long to compile."""
+FEWER_AS_DATA, FEWER_ALIKE = 4, 2
+"""The same two numbers for costly objects, of which text would take long to compile."""
 
 FORMS = 12
 """Maximum number of forms in a blend: each is evaluated for each object that is asked."""
@@ -81,22 +81,22 @@ class Gathered:
         return sum(map(len, self.rows))
 
 
-def gather(root: Node, choice: str, exact: float, live: bool = True, slow: bool = False) -> Gathered:
+def gather(root: Node, choice: str, exact: float, live: bool = True, why: str = "") -> Gathered:
     """The tree with its objects as rows.
 
     choice : "auto", "text" or "data", see `Quality.objects`. exact : distance up to which the field must be exact; if
         infinite, all objects are text. live : False for text for objects that depend on parameters or time.
-    slow : True if text takes long to compile, so that fewer objects are worth rows.
+    why : why fewer objects than usual are worth rows, the reason that is given; empty if they are not.
     """
     made = Gathered(root)
     unlimited = not math.isfinite(exact)
     if choice != "text" and not unlimited:
-        made.node = _Gatherer(made, choice, live, slow).visit(root, exact, 0)
+        made.node = _Gatherer(made, choice, live, bool(why)).visit(root, exact, 0)
     largest = max((len(node.children) for node in all_nodes(root) if node.definition.arity == "many"), default=0)
     if made.rows and choice == "data":
         made.reason = "Quality(objects='data')"
     elif made.rows:
-        made.reason = "as text they take long to compile" if slow else f"{AS_DATA} or more objects of few forms"
+        made.reason = why or f"{AS_DATA} or more objects of few forms"
     elif unlimited:
         made.reason = "ambient occlusion reads the field at distances without a limit"
     elif choice == "text":
@@ -107,11 +107,11 @@ def gather(root: Node, choice: str, exact: float, live: bool = True, slow: bool 
 
 
 class _Gatherer:
-    def __init__(self, made: Gathered, choice: str, live: bool, slow: bool) -> None:
+    def __init__(self, made: Gathered, choice: str, live: bool, fewer: bool) -> None:
         self.made, self.allowed = made, live
-        self.least = 2 if choice == "data" else AS_DATA_IF_SLOW if slow else AS_DATA
+        self.least = 2 if choice == "data" else FEWER_AS_DATA if fewer else AS_DATA
         self.live: set[int] = set()  # forms that depend on parameters or time
-        self.alike = 1 if choice == "data" else ALIKE_IF_SLOW if slow else ALIKE
+        self.alike = 1 if choice == "data" else FEWER_ALIKE if fewer else ALIKE
         self.forms: dict[Any, int] = {}
         self.known: dict[int, Signature | None] = {}
         self.plain: dict[Any, bool] = {}

@@ -45,7 +45,6 @@ from raymarch.scene.quality import CONTACT, Quality
 from raymarch.scene.scene import Scene, all_nodes, check_scene
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node, flatness
-from raymarch.sdf.rows import Rows
 from raymarch.sdf.visibility import KINDS, hidden_from, hiding_nodes, labels_hidden_from
 
 SLOW = 10.0
@@ -205,10 +204,19 @@ def _compile_seconds(field: Function) -> float:
     return sum(1.2e-3 * n + 1.3e-6 * n * n for n in straight_lines([field.body]))
 
 
-def _costly_operations(rows: Rows) -> int:
-    """The operations of all objects that take so many that text would give them bounding volumes."""
-    each = [(len(form), count_operations([form.columns.field.body])) for form in rows.forms]
-    return sum(n * operations for n, operations in each if operations >= LEAST)
+def _costly(gathered: Gathered) -> list[tuple[int, int]]:
+    """Of each form whose objects take so many operations that text would give them bounding volumes: the number of
+    objects, and their operations together."""
+    each = [(len(f), count_operations([f.columns.field.body])) for rows in gathered.rows for f in rows.forms]
+    return [(n, n * operations) for n, operations in each if operations >= LEAST]
+
+
+def _why_costly(gathered: Gathered) -> str:
+    costly = _costly(gathered)
+    count, total = sum(n for n, _ in costly), sum(operations for _, operations in costly)
+    each = f"{count} of them take {LEAST} operations or more, {total:,} together (from {COSTLY:,} on they are rows)"
+    shared = f"each of {len(costly)} forms" if len(costly) > 1 else "all"
+    return f"{each}; text repeats them, rows share one function for {shared}"
 
 
 def plan(
@@ -238,9 +246,10 @@ def plan(
     asked = (scene.node, scene.quality.objects, exact_distance(scene), live)
     gathered = gathered or gather(*asked)
     if not fixed and not gathered.rows and scene.quality.objects == "auto" and not scene.quality.bounding_volumes:
-        fewer = gather(*asked, slow=True)
-        if sum(map(_costly_operations, fewer.rows)) >= COSTLY:
+        fewer = gather(*asked, why="costly")
+        if sum(operations for _, operations in _costly(fewer)) >= COSTLY:
             gathered = fewer
+            gathered.reason = _why_costly(fewer)
     objects = ObjectsInCells(gathered.rows)
     if gathered.rows:
         lowering.objects = objects
@@ -252,8 +261,10 @@ def plan(
     if bounding.allowed(hidden=bool(hidden), rows=bool(gathered.rows)) and lowering.sites is None:
         lowering.bounding = bounding
     definition = hoist(lowering.field(solid))
-    if not fixed and not gathered.rows and scene.quality.objects == "auto" and _compile_seconds(definition) > SLOW:
-        fewer = gather(*asked, slow=True)
+    seconds = 0.0 if fixed or gathered.rows or scene.quality.objects != "auto" else _compile_seconds(definition)
+    if seconds > SLOW:
+        estimate = f"text is estimated to take {seconds:.0f} s to compile, more than {SLOW:.0f}"
+        fewer = gather(*asked, why=f"{estimate}; rows share one function for each form")
         if fewer.rows:
             return plan(given, passes, size, None, standalone, fewer)
     at_camera = definition

@@ -11,6 +11,7 @@ from rich.console import Console
 import raymarch as rm
 from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.derivative import companion
+from raymarch.expr.operations import operations
 from raymarch.plan import cells, plan
 from raymarch.plan.cells import CUT
 from raymarch.plan.explain import as_dict, show
@@ -230,8 +231,10 @@ def test_few_objects_become_data_where_text_compiles_for_long():
     solids = rm.polygon(outline).revolve(), rm.polygon([*outline[:-2], (0, 0.9)]).revolve().round(0.01)
     pieces = [solids[i % 2].translate((i, 0, 0)) for i in range(8)]
     made = plan(rm.Scene(rm.union(*pieces) | rm.plane(offset=-2)))
-    assert made.gathered.data == 8 and made.gathered.reason == "as text they take long to compile"
-    text = plan(rm.Scene(rm.union(*pieces), quality=rm.Quality(objects="text")))
+    text = plan(rm.Scene(rm.union(*pieces) | rm.plane(offset=-2), quality=rm.Quality(objects="text")))
+    estimate = f"text is estimated to take {text.compile_seconds:.0f} s to compile, more than 10"
+    assert made.gathered.data == 8
+    assert made.gathered.reason == f"{estimate}; rows share one function for each form"
     assert made.compile_seconds < 0.5 * text.compile_seconds
     assert not plan(rm.Scene(rm.union(*pieces[:2]))).gathered.rows
 
@@ -309,6 +312,10 @@ def test_tables_of_moving_objects_are_explained():
 def test_costly_objects_become_data():
     made = plan(rm.Scene(rm.union(*[rm.ellipsoid((0.9, 0.5, 0.3 + 0.02 * i)).translate((i, 0, 0)) for i in range(28)])))
     assert made.gathered.data == 28 and not made.bounding.used
+    (rows,) = made.gathered.rows
+    total = 28 * operations([rows.forms[0].columns.field.body])
+    told = f"28 of them take 700 operations or more, {total:,} together (from 20,000 on they are rows); "
+    assert made.gathered.reason == told + "text repeats them, rows share one function for all"
     few = plan(rm.Scene(rm.union(*[rm.ellipsoid((0.9, 0.5, 0.3 + 0.02 * i)).translate((i, 0, 0)) for i in range(8)])))
     assert not few.gathered.data and few.bounding.used
 
