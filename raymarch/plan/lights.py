@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -14,15 +14,16 @@ from raymarch.expr.node import Expr, var
 from raymarch.expr.types import Type
 from raymarch.expr.vocabulary import record
 from raymarch.expr.walk import free_variables
-from raymarch.scene.light import FAR, LIGHT, POINT, SAMPLE, Light, sample_of
+from raymarch.scene.bsdf import samples_both
+from raymarch.scene.light import DIRECTION, DIRECTION_SAMPLE, FAR, LIGHT, POINT, SAMPLE, Light, density_of, sample_of
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 
 AS_TEXT = 8
 """Up to this many lights are written as code. More become rows of a texture, read in one loop."""
 
-GIVEN = (POINT, SAMPLE, FAR)
-"""What a sample of a light may depend on, besides the light's values."""
+GIVEN = (POINT, SAMPLE, DIRECTION, FAR, DIRECTION_SAMPLE)
+"""What a sample of a light, or its density, may depend on besides the light's values."""
 
 
 SHADOWS: tuple[str, ...] = ("hard", "two-sided", "cone", "triangulated", "sampled")
@@ -34,15 +35,18 @@ class Form:
     """Lights that share one function: those of a class with the same values given.
 
     function : samples a light; its parameters are the values in order, after those of `GIVEN` that it reads.
+    met, pdf : its `eval_direction` and `pdf_direction`, if it has them.
     """
 
     function: Function
     names: tuple[str, ...]
+    met: Function | None
+    pdf: Function | None
 
     @property
     def reads(self) -> list[Expr]:
         """Those of `GIVEN` that the function reads."""
-        return [p for p in GIVEN if p in self.function.params]
+        return [p for p in self.function.params if p in GIVEN]
 
     @property
     def area(self) -> bool:
@@ -137,18 +141,26 @@ def _forms(lights: Sequence[Light]) -> dict[tuple[type, tuple[str, ...]], Form]:
         if of not in found:
             kind, names = of
             values = {name: var(name, value.type) for name, value in light.emitter_values().items()}
-            sample = record(LIGHT, *sample_of(light, values))
-            read = free_variables([sample])
-            params = (*(p for p in GIVEN if p in read), *values.values())
             earlier = sum(other is kind for other, _ in found)
-            name = f"sample_{_snake(kind.__name__)}{f'_{earlier + 1}' if earlier else ''}"
-            found[of] = Form(Function(name, params, sample), names)
+            name = f"_{_snake(kind.__name__)}{f'_{earlier + 1}' if earlier else ''}"
+            density = density_of(light, values)
+            met = None if density is None else _function(f"eval{name}", record(LIGHT, *density[0]), values)
+            pdf = None if density is None else _function(f"pdf{name}", density[1], values)
+            sample = _function(f"sample{name}", record(LIGHT, *sample_of(light, values)), values)
+            found[of] = Form(sample, names, met, pdf)
     return found
+
+
+def _function(name: str, body: Expr, values: Mapping[str, Expr]) -> Function:
+    """A function of the values of a light, after those of `GIVEN` that it reads."""
+    read = free_variables([body])
+    return Function(name, (*(p for p in GIVEN if p in read), *values.values()), body)
 
 
 def key(light: Light) -> tuple[type[Light], tuple[str, ...]]:
     """What identifies the form of a light: the class that defines its samples, and the names of its values."""
-    kind = next(cls for cls in type(light).__mro__ if "sample_direction" in vars(cls))
+    methods = {"sample_direction", "eval_direction", "pdf_direction"}
+    kind = next(cls for cls in type(light).__mro__ if methods & set(vars(cls)))
     return kind, tuple(light.emitter_values())
 
 
@@ -179,7 +191,7 @@ def splittable(scene: Scene) -> int:
 def samples_of(scene: Scene, light: Light) -> int:
     """The number of samples of a light for each ray."""
     several = table(scene).forms[key(light)].area or shadow_of(light) == "sampled"
-    return scene.quality.light_samples if several else 1
+    return scene.quality.light_samples * (1 + samples_both(light, scene.materials)) if several else 1
 
 
 def stride(scene: Scene) -> int:

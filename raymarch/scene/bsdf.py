@@ -35,8 +35,10 @@ from raymarch.expr.vocabulary import (
     vec3,
     where,
 )
-from raymarch.scene.light import to_world
-from raymarch.scene.material import COAT, FIELDS, PHONG, PHYSICAL, SMOOTH, Material
+from raymarch.expr.walk import free_variables
+from raymarch.scene.light import SAMPLE as SAMPLE_OF_LIGHT
+from raymarch.scene.light import Light, density_of, sample_of, to_world
+from raymarch.scene.material import COAT, FIELDS, GLOSSY, PHONG, PHYSICAL, SMOOTH, Material
 from raymarch.scene.quality import Quality
 
 Values: TypeAlias = Mapping[str, Expr]
@@ -729,6 +731,46 @@ class Blend(BSDF):
     def diffuse_albedo(self, values: Values, n_dot_v: Expr) -> Expr:
         one, other = (bsdf.diffuse_albedo(values, n_dot_v) for bsdf in (self.first, self.second))
         return mix(one, other, values[self.weight])
+
+
+def sample_lobes(bsdf: BSDF, values: Values, normal: Expr, view: Expr, u: Expr, choice: Expr) -> Expr:
+    """A random direction of one of the lobes that are narrower than `GLOSSY`, for lights with an area.
+
+    u : a vec2, choice : a float, random numbers in [0, 1). The zero vector if there is no such lobe.
+    """
+    alpha, below = expr(0.0), expr(0.0)
+    for width, chance in _narrow(bsdf, values, normal, view):
+        alpha = where(choice >= below, width, alpha)
+        below = below + chance
+    half_vector = sample_visible_normal(normal, view, max(alpha, MIN_ALPHA), u)
+    return where(below > 0.0, _reflect(view, half_vector), vec3(0.0))
+
+
+def pdf_lobes(bsdf: BSDF, values: Values, normal: Expr, view: Expr, light: Expr) -> Expr:
+    """The density of `sample_lobes`, per solid angle; 0 below the surface, and for a view from below it."""
+    density = sum_of([c * pdf_reflected(normal, view, light, a) for a, c in _narrow(bsdf, values, normal, view)])
+    return where(min(dot(normal, light), dot(normal, view)) > LEAST_COSINE, density, 0.0)
+
+
+def _narrow(bsdf: BSDF, values: Values, normal: Expr, view: Expr) -> list[tuple[Expr, Expr]]:
+    """Alpha of each lobe as `eval` has it, and its probability: equal for all narrow lobes, and 0 for the others."""
+    lobes = bsdf.lobes(values, max(dot(normal, view), LEAST_COSINE))
+    used = [where((x.roughness < GLOSSY) & (dot(x.reflectance, vec3(1.0)) > 0.0), 1.0, 0.0) for x in lobes]
+    count = max(sum_of(used), 1.0) if used else expr(1.0)
+    alphas = (max(lobe.roughness * lobe.roughness, MIN_ALPHA) for lobe in lobes)
+    return [(alpha, share / count) for alpha, share in zip(alphas, used, strict=True)]
+
+
+def samples_both(light: Light, materials: Sequence[Material]) -> bool:
+    """True if surfaces sample their lobes beside the points of a light, because a lobe may be narrower than the light.
+
+    Such a light has an area, and its light or its shadow is sampled at random points.
+    """
+    if not any(material.glossy for material in materials):
+        return False
+    area = SAMPLE_OF_LIGHT in free_variables(sample_of(light))
+    disc = light.soft and light.penumbra == "sampled"
+    return disc != area and (disc or density_of(light) is not None)
 
 
 def bsdf_of(materials: Sequence[Material], quality: Quality) -> BSDF:

@@ -52,6 +52,9 @@ SAMPLE = var("u", VEC2)
 FAR = var("far", FLOAT)
 """A distance that no two points of the scene exceed."""
 
+DIRECTION = var("wi", VEC3)
+"""A direction in which a light is sought."""
+
 
 class DirectionSample(NamedTuple):
     """The light of an emitter at a point of a surface.
@@ -83,6 +86,9 @@ def to_world(normal: Expr, local: Expr) -> Expr:
 LIGHT = struct("Light", (("direction", VEC3), ("distance", FLOAT), ("radiance", VEC3)))
 """The struct of a `DirectionSample`."""
 
+DIRECTION_SAMPLE = var("light_sample", LIGHT)
+"""A sample of a light, of which the density is asked."""
+
 
 @function(light=LIGHT, width=FLOAT, u=VEC2)
 def sample_disc(light: Expr, width: Expr, u: Expr) -> Expr:
@@ -96,6 +102,34 @@ def sample_disc(light: Expr, width: Expr, u: Expr) -> Expr:
     c = sqrt(1.0 - r * r)
     direction = to_world(get(light, "direction"), vec3(r * cos(turn), r * sin(turn), c))
     return record(LIGHT, direction, get(light, "distance"), get(light, "radiance") / c)
+
+
+@function(light=LIGHT, width=FLOAT, direction=VEC3)
+def eval_disc(light: Expr, width: Expr, direction: Expr) -> Expr:
+    """The point of a light's disc in a direction, as `sample_disc` gives it; radiance 0 beside the disc."""
+    axis = get(light, "direction")
+    side, cosine = cross(axis, direction), dot(axis, direction)
+    limit = min(width, 0.999)
+    met = (cosine > 0.0) & (dot(side, side) <= limit * limit)
+    radiance = where(met, get(light, "radiance") / max(cosine, SMALLEST), vec3(0.0))
+    return record(LIGHT, direction, get(light, "distance"), radiance)
+
+
+@function(light=LIGHT, width=FLOAT, direction=VEC3)
+def pdf_disc(light: Expr, width: Expr, direction: Expr) -> Expr:
+    """The density of the directions of `sample_disc`, per solid angle, for a direction that meets the disc."""
+    limit = min(width, 0.999)
+    return max(dot(get(light, "direction"), direction), 0.0) / (math.pi * max(limit * limit, SMALLEST))
+
+
+@function(pdf=FLOAT, other=FLOAT)
+def balance_heuristic(pdf: Expr, other: Expr) -> Expr:
+    """The weight of a direction that is sampled with a density, if directions of another density are sampled too.
+
+    Veach and Guibas (1995). With the weight p / (p + q) a sample of q adds f / q * q / (p + q) = f / p * p / (p + q):
+    both kinds of samples add the same, the value that samples of p have alone times this weight.
+    """
+    return 1.0 / (1.0 + other / max(pdf, SMALLEST))
 
 
 PENUMBRAS = ("two-sided", "cone", "triangulated", "sampled")
@@ -164,6 +198,19 @@ class Light(Part):
         an area is the mean over u. far : a distance that no two points of the scene exceed.
         """
         raise SceneError("a Light without a kind", legal="a light such as Sun(...), or a class with sample_direction")
+
+    @staticmethod
+    def eval_direction(values: Mapping[str, Expr], p: Expr, direction: Expr, far: Expr) -> DirectionSample | None:
+        """The light at a point p from a unit direction, as `sample_direction` gives it where it samples that direction.
+
+        The radiance is 0 where the direction misses the light. None if the light cannot be met by a direction.
+        """
+        return None
+
+    @staticmethod
+    def pdf_direction(values: Mapping[str, Expr], p: Expr, sample: DirectionSample) -> Expr | None:
+        """The density of `sample_direction` at a sample with radiance, per solid angle. None with `eval_direction`."""
+        return None
 
     @property
     def reach(self) -> tuple[Expr, Expr] | None:
@@ -421,7 +468,9 @@ class RectLight(Light):
     """Light from one side of a rectangle. The rectangle itself is not visible.
 
     One random point of it lights each sample, so its light and shadow are exact but noisy: it needs
-    `Quality(samples=...)` or several frames.
+    `Quality(samples=...)` or several frames. In scenes with physical materials smoother than a roughness of 0.5, one
+    random direction of the highlight is sampled too, and both are weighted by the balance heuristic (Veach and Guibas
+    1995).
 
     Parameters
     ----------
@@ -511,6 +560,25 @@ class RectLight(Light):
             falloff = falloff * _window(distance, values["range"])
         return DirectionSample(direction, distance, falloff * values["radiance"])
 
+    @staticmethod
+    def eval_direction(values: Mapping[str, Expr], p: Expr, direction: Expr, far: Expr) -> DirectionSample:
+        across, along, normal = values["across"], values["along"], values["normal"]
+        to_centre, cosine = values["position"] - p, -dot(direction, normal)
+        distance = -dot(to_centre, normal) / max(cosine, SHORTEST)
+        place = distance * direction - to_centre
+        u, v = dot(place, across) / dot(across, across), dot(place, along) / dot(along, along)
+        met = (min(cosine, distance) > SHORTEST) & (max(abs(u), abs(v)) <= 0.5)
+        falloff = cosine / max(distance * distance, SMALLEST)
+        if "range" in values:
+            falloff = falloff * _window(distance, values["range"])
+        return DirectionSample(direction, distance, where(met, falloff * values["radiance"], vec3(0.0)))
+
+    @staticmethod
+    def pdf_direction(values: Mapping[str, Expr], p: Expr, sample: DirectionSample) -> Expr:
+        area = length(values["across"]) * length(values["along"])
+        cosine = max(-dot(sample.direction, values["normal"]), SHORTEST)
+        return sample.distance * sample.distance / (area * cosine)
+
 
 KINDS = (Sun, PointLight, SpotLight, SphereLight, RectLight)
 """The kinds of lights of raymarch."""
@@ -531,6 +599,27 @@ def sample_of(light: Light, values: Mapping[str, Expr] | None = None) -> Directi
     if types != [VEC3, FLOAT, VEC3]:
         raise SceneError(f"{what} {', '.join(map(str, types))}", legal=legal, where=light.where)
     return made
+
+
+def density_of(light: Light, values: Mapping[str, Expr] | None = None) -> tuple[DirectionSample, Expr] | None:
+    """A light's `eval_direction` at `POINT` and `DIRECTION`, and its `pdf_direction` of `DIRECTION_SAMPLE`, checked.
+
+    None if the light cannot be met by a direction, or if a class derived from that of `eval_direction` or
+    `pdf_direction` has another `sample_direction`. values : as for `sample_of`.
+    """
+    names = ("sample_direction", "eval_direction", "pdf_direction")
+    depth = [next(i for i, cls in enumerate(type(light).__mro__) if name in vars(cls)) for name in names]
+    given = light.emitter_values() if values is None else values
+    sample = DirectionSample(*(get(DIRECTION_SAMPLE, name) for name in DirectionSample._fields))
+    met, pdf = light.eval_direction(given, POINT, DIRECTION, FAR), light.pdf_direction(given, POINT, sample)
+    if depth[0] < depth[1] or depth[0] < depth[2] or met is None or pdf is None:
+        return None
+    types = [expr(part).type for part in (*met, pdf)]
+    if types != [VEC3, FLOAT, VEC3, FLOAT]:
+        what = f"{type(light).__name__}.eval_direction and pdf_direction give {', '.join(map(str, types))}"
+        legal = "a DirectionSample(direction, distance, radiance) of a vec3, a float and a vec3; and a float"
+        raise SceneError(what, legal=legal, where=light.where)
+    return DirectionSample(*map(expr, met)), expr(pdf)
 
 
 def hard(light: Light) -> Light:

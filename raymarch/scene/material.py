@@ -36,6 +36,10 @@ SMOOTH = 0.1
 """Roughness up to which Whitted ray tracing treats a surface as a mirror: its lobe is then about two pixels wide. Above
 it the weight of the reflection falls linearly to 0 at twice this roughness, so that roughness maps show no edges."""
 
+GLOSSY = 0.5
+"""Roughness below which the highlights of lights with an area are sampled by the lobes too: those of rougher surfaces
+are so wide that points of the light alone give less noise for the time."""
+
 GLASS = ("transmission", "ior", "absorption")
 COAT = ("clearcoat", "clearcoat_roughness")
 RELIEF = ("bump_gradient", "ambient_visibility")
@@ -269,6 +273,12 @@ class Material(Value):
         lobes = [self.roughness, *([self.clearcoat_roughness] if self.coated else [])]
         smooth = any(not r.is_constant or float(r.data) < 2.0 * SMOOTH for r in lobes)
         return self.physical and not clear and smooth
+
+    @property
+    def glossy(self) -> bool:
+        """True if a lobe may be narrow somewhere; see `GLOSSY`."""
+        lobes = [self.roughness, *([self.clearcoat_roughness] if self.coated else [])]
+        return self.physical and any(not r.is_constant or float(r.data) < GLOSSY for r in lobes)
 
     @property
     def patterned(self) -> bool:

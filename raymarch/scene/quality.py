@@ -162,7 +162,8 @@ class Quality(Value):
     shadow_steps : maximum number of steps of a shadow ray, 1 to 60,000. A ray that runs out is extrapolated in a
         straight line from its last two samples. None is eight times `max_steps`.
     light_samples : number of points on a light per camera ray, with penumbra="sampled" or a RectLight, 1 to 64. Each
-        costs one shadow ray; each of `samples` costs a camera ray too.
+        costs one shadow ray; each of `samples` costs a camera ray too. On smooth surfaces as many directions of the
+        highlights are sampled too.
     objects : how the objects of a union are compiled. "text": each is lines of the shader. "data": objects that differ
         in numbers and materials only are rows of a texture, found through a grid of cells. "auto": data from 32 such
         objects on.

@@ -8,11 +8,11 @@ from collections.abc import Callable, Mapping
 from raymarch.expr.function import Function, trace
 from raymarch.expr.node import Expr, const, construct, var
 from raymarch.expr.operations import operations
-from raymarch.expr.types import FLOAT, VEC3, Type, struct, vector
+from raymarch.expr.types import FLOAT, VEC2, VEC3, Type, struct, vector
 from raymarch.expr.vocabulary import clamp, dot, get, record, vec3, where
 from raymarch.expr.walk import free_variables
 from raymarch.plan import Plan
-from raymarch.scene.bsdf import BSDF, RANDOM, over_dielectric
+from raymarch.scene.bsdf import BSDF, RANDOM, over_dielectric, pdf_lobes, sample_lobes
 from raymarch.scene.light import LIGHT
 from raymarch.shader.chunk import Values
 
@@ -138,6 +138,23 @@ class Reflection:
             ]
             given[p.data] = p.type, numbers[0] if p.type is FLOAT else f"{p.type}({', '.join(numbers)})"
         return self._call("sample_bsdf", given, made)
+
+    def sample_lobes(self) -> str:
+        """A random direction of the narrow lobes; reads the variable `dimension`."""
+
+        def made(symbols: Mapping[str, Expr]) -> Expr:
+            return sample_lobes(self.bsdf, *self._at(symbols), symbols["u"], symbols["choice"])
+
+        u, choice = "vec2(random_of_pixel(dimension), random_of_pixel(dimension + 1))", "random_of_pixel(dimension + 2)"
+        return self._call("sample_lobes", {"u": (VEC2, u), "choice": (FLOAT, choice)}, made)
+
+    def pdf_lobes(self) -> str:
+        """The density of `sample_lobes` in the direction of `light`."""
+
+        def made(symbols: Mapping[str, Expr]) -> Expr:
+            return pdf_lobes(self.bsdf, *self._at(symbols), symbols["direction"])
+
+        return self._call("pdf_lobes", {"direction": (VEC3, "light.direction")}, made)
 
     def over_dielectric(self, share: str) -> str:
         """The struct Material of which a share is the outside of glass; reads the variable `glass`."""

@@ -3,11 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
+from raymarch.expr.function import Function
 from raymarch.expr.glsl import literal
 from raymarch.expr.node import Expr
 from raymarch.plan import Plan, lights
-from raymarch.scene.light import FAR, POINT, SAMPLE, Light, sample_disc
+from raymarch.scene.bsdf import samples_both
+from raymarch.scene.light import (
+    DIRECTION,
+    DIRECTION_SAMPLE,
+    FAR,
+    POINT,
+    SAMPLE,
+    Light,
+    balance_heuristic,
+    eval_disc,
+    pdf_disc,
+    sample_disc,
+)
 from raymarch.scene.scene import Scene
 from raymarch.shader.bsdf import Reflection
 from raymarch.shader.chunk import Chunk, Lines, Mapped, Values
@@ -17,9 +31,14 @@ from raymarch.shader.kinds import shadow_function
 def all_lights(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> None:
     """Add the light of all sources to the colour of a surface."""
     table = lights.table(plan.scene)
-    values.functions += [form.function for form in table.forms.values()]
+    points = plan.scene.quality.light_samples
+    both = [light for light in plan.scene.lights if lights.samples_of(plan.scene, light) > points]
+    for key, form in table.forms.items():
+        met = any(lights.key(light) == key for light in both) and form.area
+        values.functions += [f for f in (form.function, *((form.met, form.pdf) if met else ())) if f is not None]
     if "sampled" in table.kinds:
-        values.functions.append(sample_disc)
+        values.functions += [sample_disc, *((eval_disc, pdf_disc) if any(light.soft for light in both) else ())]
+    values.functions += [balance_heuristic] if both else []
     if lights.as_data(plan.scene):
         _loop(text, plan, reflection)
         return
@@ -43,9 +62,11 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan, reflec
     disc = light.soft and light.penumbra == "sampled"
     width = value("softness", light.softness) + _per_distance(light) if disc else ""
     visibility = _visibility(plan, light, value)
-    several = (disc or form.area) and samples > 1
+    both = samples_both(light, plan.scene.materials)
+    several = lights.samples_of(plan.scene, light) > 1
     before = plan.occlusion_samples + sum(lights.samples_of(plan.scene, other) for other in plan.scene.lights[:i])
-    dimension = f"{_dimension(i)} + {stride} * k" if several else f"{_dimension(i)}"
+    point = "k / 2" if both else "k"
+    dimension = f"{_dimension(i)} + {stride} * {_of(point)}" if several else f"{_dimension(i)}"
     sample = _sample(form, given, dimension)
     declared = "" if i else "Light "
     if not several:
@@ -68,27 +89,73 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan, reflec
         sample = f"sample_disc(centre_{i}, {width}, {_two(dimension)})"
     elif declared:
         add("Light light;")
-    add(f"for (int k = 0; k < {samples}; k++) {{")
+    add(f"for (int k = 0; k < {lights.samples_of(plan.scene, light)}; k++) {{")
     if plan.lights_split:
         add(f"    if ({before} + k >= end) break;")
         add(f"    if ({before} + k < first) continue;")
     add(f"    light = {sample};")
+    if both:
+        texts = _disc(f"centre_{i}", width) if disc else _met(form, given)
+        for line in _weighted(texts, f"{i * samples} + k / 2", stride * samples, reflection):
+            add(f"    {line}")
     add(f"    color += {reflection.light(visibility)} / {literal(samples)};")
     add("}")
 
 
 def _sample(form: lights.Form, values: Sequence[str], dimension: str) -> str:
-    """The call that samples a light.
+    """The call that samples a light. dimension : the first of two random dimensions, as GLSL text."""
+    return _call(form.function, values, _two(dimension))
 
-    dimension : the first of two random dimensions, as GLSL text. No point of the scene is farther from the camera than
-        u_far, so no two points are farther apart than twice that.
+
+def _call(function: Function, values: Sequence[str], random: str = "") -> str:
+    """The call of a function of a light.
+
+    No point of the scene is farther from the camera than u_far, so no two points are farther apart than twice that.
     """
     texts = {
         POINT: "surface.p",
-        SAMPLE: _two(dimension),
+        SAMPLE: random,
+        DIRECTION: "direction",
         FAR: "2.0 * u_far",
+        DIRECTION_SAMPLE: "light",
     }
-    return f"{form.function.name}({', '.join([*(texts[p] for p in form.reads), *values])})"
+    return f"{function.name}({', '.join([*(texts[p] for p in function.params if p in texts), *values])})"
+
+
+def _met(form: lights.Form, values: Sequence[str]) -> tuple[str, str]:
+    """The calls that give the light of a `direction`, and the density of the direction of `light`."""
+    assert form.met is not None and form.pdf is not None
+    return _call(form.met, values), _call(form.pdf, values)
+
+
+def _disc(centre: str, width: str) -> tuple[str, str]:
+    """The same for the disc of a light."""
+    return f"eval_disc({centre}, {width}, direction)", f"pdf_disc({centre}, {width}, light.direction)"
+
+
+def _weighted(texts: tuple[str, str], number: str, before: int, reflection: Reflection) -> list[str]:
+    """The lines that replace each second sample of a light by one of the lobes, and weigh both.
+
+    Both have the weight of the light's samples, see `balance_heuristic`.
+
+    texts : of `_met` or `_disc`. number : of the sample among those of all lights. before : number of random dimensions
+        of the points of lights.
+    """
+    met, pdf = texts
+    return [
+        "bool lobe = k % 2 == 1;",
+        "if (lobe) {",
+        f"    int dimension = {_dimension(0) + before} + 4 * ({number});",
+        f"    vec3 direction = {reflection.sample_lobes()};",
+        f"    light = {met};",
+        "}",
+        f"float density = {reflection.pdf_lobes()};",
+        f"light.radiance *= lobe && density == 0.0 ? 0.0 : balance_heuristic({pdf}, density);",
+    ]
+
+
+def _of(text: str) -> str:
+    return f"({text})" if " " in text else text
 
 
 def _two(dimension: str) -> str:
@@ -162,27 +229,36 @@ def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
     near = "(head.w == 0.0 || light.distance < head.w) && " if limited else ""
     first, stride = f"{_dimension(0)} + 2 * i", 2 * len(scene.lights)
 
-    def several(condition: str, sample: str, shown: str) -> None:
-        """The mean of several samples of the lights of a condition."""
+    def several(condition: str, sample: str, shown: str, of: Light, texts: Callable[[], tuple[str, str]]) -> None:
+        """The mean of several samples of the lights of a condition, of which one is given."""
         add(f"if ({condition}) {{")
-        add(f"    for (int k = 0; k < {samples}; k++) {{")
+        add(f"    for (int k = 0; k < {lights.samples_of(scene, of)}; k++) {{")
         if split:
             add("        if (place + k >= last) break;")
             add("        if (place + k < begin) continue;")
         add(f"        light = {sample};")
+        if samples_both(of, scene.materials):
+            for line in _weighted(texts(), f"{samples} * i + k / 2", stride * samples, reflection):
+                add(f"        {line}")
         add(f"        color += {reflection.light(shown)} / {literal(samples)};")
         add("    }")
         add("    continue;")
         add("}")
 
+    def dimension(of: Light) -> str:
+        """The first random dimension of sample k of a light."""
+        return f"{first} + {stride} * {'(k / 2)' if samples_both(of, scene.materials) else 'k'}"
+
     hard, traced = "1.0", shadow_function(plan, "hard")
     if "hard" in kinds:
         hard = f"{near}head.y == {float(kinds.index('hard') + 1)} ? {traced}(surface, light) : 1.0"
     rest = []
-    for k, form in enumerate(table.forms.values()):
+    for k, (key, form) in enumerate(table.forms.items()):
         values = [f"value_{texel}.{parts}" for texel, parts in lights.layout(form.types)]
-        if form.area and samples > 1:
-            several(f"head.x == {float(k)}", _sample(form, values, f"{first} + {stride} * k"), hard)
+        of = next(light for light in scene.lights if lights.key(light) == key)
+        if form.area and lights.samples_of(scene, of) > 1:
+            calls = partial(_met, form, values)
+            several(f"head.x == {float(k)}", _sample(form, values, dimension(of)), hard, of, calls)
         else:
             rest.append((k, _sample(form, values, first)))
     for k, sample in rest:
@@ -201,11 +277,13 @@ def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
         width = _width_of_row(scene)
         for number, kind in enumerate(kinds, 1):
             condition = f"head.y == {float(number)}"
-            if kind == "sampled" and samples > 1:
+            of = next(light for light in scene.lights if lights.shadow_of(light) == kind)
+            if kind == "sampled" and lights.samples_of(scene, of) > 1:
                 add("Light centre = light;")
                 shown = f"{near.removesuffix(' && ')} ? {traced}(surface, light) : 1.0"
-                sample = f"sample_disc(centre, {width}, {_two(f'{first} + {stride} * k')})"
-                several(condition, sample, shown if near else f"{traced}(surface, light)")
+                sample = f"sample_disc(centre, {width}, {_two(dimension(of))})"
+                shown = shown if near else f"{traced}(surface, light)"
+                several(condition, sample, shown, of, partial(_disc, "centre", width))
                 continue
             if kind == "sampled":
                 add(f"if ({condition}) light = sample_disc(light, {width}, {_two(first)});")

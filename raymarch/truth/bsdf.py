@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.function import Function
 from raymarch.expr.node import Expr, expr, var
-from raymarch.expr.types import FLOAT, VEC3, Type
+from raymarch.expr.types import FLOAT, VEC2, VEC3, Type
 from raymarch.expr.vocabulary import clamp, dot
-from raymarch.scene.bsdf import BSDF
+from raymarch.scene.bsdf import BSDF, pdf_lobes, sample_lobes
 from raymarch.scene.material import Material
 
 Array = NDArray[np.float64]
@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 _TYPES: Mapping[str, Type] = {
     **{name: value.type for name, value in Material()._fields.items()},
     **dict.fromkeys(("normal", "view", "light", "mean", "mirrored", "blurred"), VEC3),
+    "u": VEC2,
 }
 """Types of what the methods of a BSDF read, by name. All others are floats."""
 
@@ -39,6 +40,10 @@ def _compiled(bsdf: BSDF, method: str, names: tuple[str, ...], lobes: int) -> Ca
     elif method == "reflect_sky":
         mean, around, blurred = (symbols[name] for name in ("mean", "mirrored", "blurred"))
         made = [bsdf.reflect_sky(values, n_dot_v, mean, around, blurred, traced)]
+    elif method == "sample_lobes":
+        made = [sample_lobes(bsdf, values, normal, view, symbols["u"], symbols["choice"])]
+    elif method == "pdf_lobes":
+        made = [pdf_lobes(bsdf, values, normal, view, symbols["light"])]
     elif method == "traced":
         made = bsdf.traced(values, n_dot_v)
     else:
@@ -54,8 +59,7 @@ def _run(bsdf: BSDF, method: str, given: Mapping[str, Any], traced: Sequence[Arr
     given = {**given, **{f"traced_{i}": part for i, part in enumerate(traced)}}
     arrays = []
     for name, value in given.items():
-        vector = _TYPES.get(name, FLOAT) is VEC3
-        arrays.append(value if vector else np.reshape(value, -1))
+        arrays.append(np.reshape(value, -1) if _TYPES.get(name, FLOAT) is FLOAT else value)
     n = max(len(array) for array in arrays)
     found = _compiled(bsdf, method, tuple(given), len(traced))(*arrays)
     wide = (part if np.ndim(part) == 2 else np.reshape(part, (-1, 1)) for part in found)
@@ -93,6 +97,20 @@ def reflect_sky(
     """
     given = dict(zip(("mean", "mirrored", "blurred"), skies, strict=True))
     return _run(bsdf, "reflect_sky", {**_frame(bsdf, material, normal, view), **given}, traced)[0]
+
+
+def scattered(
+    bsdf: BSDF, material: Mapping[str, Array], normal: Array, view: Array, random: tuple[float, float, float]
+) -> Array:
+    """Directions of the narrow lobes, (N, 3), of the same three random numbers; see `sample_lobes`."""
+    n = len(normal)
+    given = {"u": np.broadcast_to(random[:2], (n, 2)), "choice": np.full(n, random[2])}
+    return _run(bsdf, "sample_lobes", {**_frame(bsdf, material, normal, view), **given})[0]
+
+
+def lobe_density(bsdf: BSDF, material: Mapping[str, Array], normal: Array, view: Array, light: Array) -> Array:
+    """The density of these directions, (N,); see `pdf_lobes`."""
+    return _run(bsdf, "pdf_lobes", {**_frame(bsdf, material, normal, view), "light": light})[0][:, 0]
 
 
 def traced_lobes(bsdf: BSDF, material: Mapping[str, Array], normal: Array, view: Array) -> list[Array]:

@@ -14,8 +14,21 @@ from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.node import var
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import get, record
-from raymarch.expr.walk import free_variables
-from raymarch.scene.light import FAR, LIGHT, POINT, SAMPLE, Light, sample_disc, sample_of
+from raymarch.expr.walk import free_variables, substitute
+from raymarch.scene.light import (
+    DIRECTION,
+    DIRECTION_SAMPLE,
+    FAR,
+    LIGHT,
+    POINT,
+    SAMPLE,
+    Light,
+    density_of,
+    eval_disc,
+    pdf_disc,
+    sample_disc,
+    sample_of,
+)
 from raymarch.scene.parameter import Values
 from raymarch.sdf.facts import Facts
 from raymarch.truth.rays import Rays
@@ -59,6 +72,17 @@ DISC_SAMPLES = 64
 """Number of points that replace the shader's random point on the disc of a light."""
 
 
+LOBE_SAMPLES = 64
+"""Number of directions that replace the shader's random direction of a lobe."""
+
+
+def lobe_numbers() -> Array:
+    """Random numbers for directions of lobes, evenly spread, (`LOBE_SAMPLES`, 3)."""
+    plastic = 1.2207440846057596  # x^4 = x + 1: its inverse powers fill a cube evenly (Roberts 2018)
+    steps: Array = (np.arange(LOBE_SAMPLES)[:, None] / plastic ** np.arange(1, 4) + 0.5) % 1.0
+    return steps
+
+
 def area_samples(light: Light) -> list[tuple[float, float]]:
     """Random numbers for the reference: evenly spread for a light with an area, else a single pair."""
     if SAMPLE not in free_variables(sample_of(light)):
@@ -68,8 +92,44 @@ def area_samples(light: Light) -> list[tuple[float, float]]:
 
 
 _DIRECTION, _RADIANCE, _WIDTH = var("direction", VEC3), var("radiance", VEC3), var("width", FLOAT)
-_DISC = sample_disc(record(LIGHT, _DIRECTION, 0.0, _RADIANCE), _WIDTH, SAMPLE)
-_POINT_OF_DISC = evaluator([get(_DISC, "direction"), get(_DISC, "radiance")], [_DIRECTION, _RADIANCE, _WIDTH, SAMPLE])
+_CENTRE, _GIVEN = record(LIGHT, _DIRECTION, 0.0, _RADIANCE), [_DIRECTION, _RADIANCE, _WIDTH]
+_DISC = sample_disc(_CENTRE, _WIDTH, SAMPLE)
+_DISC_MET = evaluator([get(eval_disc(_CENTRE, _WIDTH, DIRECTION), "radiance")], [*_GIVEN, DIRECTION])
+_DISC_DENSITY = evaluator([pdf_disc(_CENTRE, _WIDTH, DIRECTION)], [*_GIVEN, DIRECTION])
+_POINT_OF_DISC = evaluator([get(_DISC, "direction"), get(_DISC, "radiance")], [*_GIVEN, SAMPLE])
+
+
+def met_by(light: Light, values: Values, points: Array, far: float, directions: Array) -> Incoming:
+    """Incident light from some directions, (N, 3), by the light's `eval_direction`."""
+    density = density_of(light)
+    assert density is not None
+    with bound(values.params, values.time):
+        found = evaluator(density[0], [POINT, DIRECTION, FAR])
+        direction, distance, radiance = found(points, directions, np.full(len(points), 2.0 * far))
+    return Incoming(direction, distance, np.broadcast_to(radiance, points.shape))
+
+
+def light_density(light: Light, values: Values, points: Array, incident: Incoming) -> Array:
+    """The density of incident light by the light's `pdf_direction`, (N,)."""
+    density = density_of(light)
+    assert density is not None
+    symbols = {name: var(name, type) for name, type in LIGHT.fields}
+    pdf = substitute([density[1]], {DIRECTION_SAMPLE: record(LIGHT, *symbols.values())})[0]
+    with bound(values.params, values.time):
+        found = evaluator([pdf], [POINT, *symbols.values()])
+        result = found(points, incident.direction, incident.distance, incident.radiance)[0]
+    return np.broadcast_to(result, incident.distance.shape)
+
+
+def disc_met(incident: Incoming, width: Array, directions: Array) -> Incoming:
+    """The light of a disc from some directions, (N, 3)."""
+    radiance = _DISC_MET(incident.direction, incident.radiance, width, directions)[0]
+    return Incoming(directions, incident.distance, radiance)
+
+
+def disc_density(centre: Incoming, width: Array, incident: Incoming) -> Array:
+    """The density of the points of a disc, (N,)."""
+    return np.asarray(_DISC_DENSITY(centre.direction, centre.radiance, width, incident.direction)[0])
 
 
 def disc_samples(incident: Incoming, width: Array) -> Iterator[Incoming]:

@@ -2,29 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.scene.bsdf import BSDF, bsdf_of
+from raymarch.expr.arrays import SMALLEST
+from raymarch.scene.bsdf import BSDF, bsdf_of, samples_both
 from raymarch.scene.light import Light, PointLight
 from raymarch.scene.parameter import Values
 from raymarch.scene.relief import shading_normal
 from raymarch.scene.scene import Scene
 from raymarch.scene.sky import harmonics_at
-from raymarch.truth.bsdf import mirrored, reflect_light, reflect_sky, traced_lobes, values_of
+from raymarch.truth.bsdf import (
+    lobe_density,
+    mirrored,
+    reflect_light,
+    reflect_sky,
+    scattered,
+    traced_lobes,
+    values_of,
+)
 from raymarch.truth.field import Field
 from raymarch.truth.fog import fogged
 from raymarch.truth.light import (
     DISC_SAMPLES,
+    LOBE_SAMPLES,
     Incoming,
     area_samples,
+    disc_density,
+    disc_met,
     disc_samples,
     incoming,
+    light_density,
+    lobe_numbers,
+    met_by,
     soft_visibility,
 )
 from raymarch.truth.march import GAP, NOISE
@@ -200,19 +215,47 @@ class Surface:
     def _from_light(self, light: Light) -> Array:
         """Reflected light of one emitter: of a light with an area or a sampled penumbra, the mean over points of it."""
         chosen = area_samples(light)
-        samples = (incoming(light, self.values, self.points, self.far, u) for u in chosen)
-        return sum((self._from_sample(light, sample) for sample in samples), np.zeros_like(self.points)) / len(chosen)
+        centres = (incoming(light, self.values, self.points, self.far, u) for u in chosen)
+        if samples_both(light, self.scene.materials):
+            return self._from_both(light, centres, len(chosen))
+        several = len(chosen) * (DISC_SAMPLES if _has_disc(light) else 1)
+        samples = (self._reflected(light, part) for centre in centres for part in self._points(light, centre))
+        return sum(samples, np.zeros_like(self.points)) / several
 
-    def _from_sample(self, light: Light, incident: Incoming) -> Array:
-        if not (light.soft and light.penumbra == "sampled"):
-            return self._reflected(light, incident)
+    def _from_both(self, light: Light, centres: Iterator[Incoming], count: int) -> Array:
+        """The same of points of the light and directions of the lobes, with the weights of the shader."""
+        values, points = self._regularized, self.points
+        frame = self.bsdf, values, self.shading_normals, -self.directions
+        met: Callable[[Array], Incoming] = partial(met_by, light, self.values, points, self.far)
+        density: Callable[[Incoming], Array] = partial(light_density, light, self.values, points)
+        samples = centres
+        if _has_disc(light):
+            centre = next(centres)
+            width = self._width(light, centre)
+            count, samples = DISC_SAMPLES, disc_samples(centre, width)
+            met, density = partial(disc_met, centre, width), partial(disc_density, centre, width)
+
+        def reflected(incident: Incoming, sampled: bool) -> Array:
+            """The weighted light of a sample of the light, or of the lobes."""
+            other = lobe_density(*frame, incident.direction)
+            weight = 1.0 / (1.0 + other / np.maximum(density(incident), SMALLEST))
+            weight = np.where(sampled | (other > 0.0), weight, 0.0)
+            return self._reflected(light, replace(incident, radiance=weight[:, None] * incident.radiance))
+
+        from_light = sum((reflected(part, True) for part in samples), np.zeros_like(points)) / count
+        directions = (scattered(*frame, (u, v, choice)) for u, v, choice in lobe_numbers().tolist())
+        from_lobes = (reflected(met(direction), False) for direction in directions)
+        return from_light + sum(from_lobes, np.zeros_like(points)) / LOBE_SAMPLES
+
+    def _width(self, light: Light, incident: Incoming) -> Array:
+        """The sine of the angular radius of a light's disc, (N,)."""
         width = self.values.of(light.softness)
         spread = width / np.maximum(incident.distance, 1e-300) if light.has_position else width
-        spread = np.broadcast_to(spread, incident.distance.shape)
-        return (
-            sum((self._reflected(light, part) for part in disc_samples(incident, spread)), np.zeros_like(self.points))
-            / DISC_SAMPLES
-        )
+        return np.broadcast_to(spread, incident.distance.shape)
+
+    def _points(self, light: Light, incident: Incoming) -> Iterable[Incoming]:
+        """The points of a light's disc, or the light itself."""
+        return disc_samples(incident, self._width(light, incident)) if _has_disc(light) else [incident]
 
     def _reflected(self, light: Light, incident: Incoming) -> Array:
         """Reflected light from one direction, and the light that arrives from all directions."""
@@ -260,3 +303,8 @@ class Surface:
         size = np.linalg.norm(self.origin, axis=-1) + self.depth
         offset: Array = np.maximum(GAP * self.depth, 64 * NOISE * size)
         return offset
+
+
+def _has_disc(light: Light) -> bool:
+    """True if random points of a light's disc cast its shadow."""
+    return light.soft and light.penumbra == "sampled"

@@ -169,6 +169,16 @@ SCENES |= {
         _metal(0.35)[1],
         256,
     ),
+    "smooth, rectangle": Compared(
+        lambda: {
+            "lights": [rm.RectLight((1.2, 3.2, 0.8), 1.2, 0.8, (-1.0, -3.0, -0.6), intensity=10, shadow=True)],
+            "quality": rm.Quality(samples=256, masking="separable", energy_compensation=False),
+        },
+        _metal(0.2)[0],
+        _rectangle,
+        _metal(0.2)[1],
+        256,
+    ),
     "sky on a floor": Compared(
         lambda: {"lights": [], "sky": rm.Sky((0.4, 0.6, 0.9)), "bounces": 1, "quality": MANY}, _matte, _sky, MATTE, 256
     ),
