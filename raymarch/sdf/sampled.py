@@ -282,8 +282,9 @@ def mesh(
         values, size, centre = (unit * part for part in sampled)
         if missing > 0.01:
             repairs.append(
-                f"mesh: '{file}': {100 * missing:.2g} % of the surface bounds parts thinner than the distance of samples, "
-                f"{size[0] / (values.shape[2] - 1):.3g}, and is missing: resolution={resolution} is too small for them"
+                f"mesh: '{file}': {100 * missing:.2g} % of the surface bounds parts thinner than the distance of "
+                f"samples, {size[0] / (values.shape[2] - 1):.3g}, and is missing: resolution={resolution} is too "
+                "small for them"
             )
         if kept is not None:
             arrays = {"values": values, "size": size, "centre": centre, "repairs": np.array(repairs, np.str_)}
