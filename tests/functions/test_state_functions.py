@@ -25,7 +25,7 @@ def test_a_state_comes_back_from_its_texels_as_it_was(egl: Context) -> None:
     after = """
     vec4 way(vec4 a, vec4 b, vec4 c, vec4 flags, vec2 more, float part) {
         March at = March(a.x, a.y, c.y, c.z, a.z, c.x, flags.x > 0.5, flags.y > 0.5);
-        Hit hit = Hit(flags.w > 0.5, b.x, b.y, flags.z > 0.5, b.z, b.w, a.w);
+        Hit hit = Hit(flags.z > 0.5, flags.w > 0.5, b.x, b.y, b.z, b.w, a.w);
         vec4 march = packed_march(at, hit, more.y > 0.5), found = packed_hit(hit), rest = packed_more(at);
         at = unpack_march(march, rest);
         hit = unpack_hit(march, found);

@@ -23,7 +23,7 @@ uniform sampler2D u_met;  // found, done, distance, residual
 uniform sampler2D u_lit;
 Hit trace(Ray ray) {
     vec4 met = texelFetch(u_met, ivec2(gl_FragCoord.xy), 0);
-    return Hit(met.x > 0.0, met.z, met.w, met.y > 0.0, 20.0, 30.0, 2.0);
+    return Hit(met.y > 0.0, met.x > 0.0, met.z, met.w, 20.0, 30.0, 2.0);
 }
 vec3 shade(Ray ray, Hit hit) {
     if (!hit.found) return vec3(4.0, 5.0, 6.0);

@@ -17,11 +17,11 @@ struct March {
 };
 
 struct Hit {
+    bool done;  // false if the steps ran out
     bool found;
     float t;
     float residual;
 #ifndef UNCOUNTED
-    bool done;  // false if the steps ran out
     float iterations;
     float evaluations;
     float fallbacks;  // steps that proved too long and were undone
@@ -30,8 +30,8 @@ struct Hit {
 
 Hit no_hit(float near) {
 #ifndef UNCOUNTED
-    return Hit(false, near, 0.0, true, 0.0, 0.0, 0.0);
+    return Hit(true, false, near, 0.0, 0.0, 0.0, 0.0);
 #else
-    return Hit(false, near, 0.0);
+    return Hit(true, false, near, 0.0);
 #endif
 }

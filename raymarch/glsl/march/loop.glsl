@@ -70,13 +70,13 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
     escaped = escaped || (found && at.t > solved_t);  // a long step may end behind a hit in closed form
     found = found && !escaped;
 #endif
+    hit.done = found || escaped;
     hit.found = found;
     hit.t = found ? at.t + last_step(widths, at) : at.t;
     hit.residual = abs(at.r);
 #ifndef UNCOUNTED
-    hit.done = found || escaped;
     hit.iterations += steps;
     hit.evaluations += steps;
 #endif
-    if (!found && !escaped) on_exhausted(hit, at.last_derivative);
+    if (!hit.done) on_exhausted(hit, at.last_derivative);
 }

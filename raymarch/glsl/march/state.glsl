@@ -28,5 +28,5 @@ Hit unpack_hit(vec4 march, vec4 hit) {
 #ifdef OWN_START
     u_side = flag(march, 4.0) ? -1.0 : 1.0;
 #endif
-    return Hit(flag(march, 16.0), hit.x, hit.y, flag(march, 8.0), hit.z, hit.w, floor(march.w / 64.0));
+    return Hit(flag(march, 8.0), flag(march, 16.0), hit.x, hit.y, hit.z, hit.w, floor(march.w / 64.0));
 }
