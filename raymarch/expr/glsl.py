@@ -6,9 +6,12 @@ nesting would be too deep. Temporaries have the names of the author's own variab
 
 from __future__ import annotations
 
+import math
 import re
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
 
@@ -76,6 +79,12 @@ def literal(number: float) -> str:
     """A finite float32 literal with a decimal point, the shortest one without loss of a bit."""
     if not np.isfinite(number) or abs(number) > _LARGEST:
         raise SceneError(f"{number} cannot be written in GLSL", legal="finite numbers up to 3.4e38")
+    return _digits(float(number), math.copysign(1.0, number))
+
+
+@lru_cache(4096)
+def _digits(number: float, _sign: float) -> str:
+    """The literal; the sign tells 0.0 from -0.0."""
     digits, _, exponent = repr(float(str(np.float32(number)))).partition("e")
     if exponent:
         return f"{digits if '.' in digits else digits + '.0'}e{int(exponent)}"
@@ -503,6 +512,18 @@ def identifier(name: str, taken: Iterable[str], numbers: dict[str, int] | None =
 
     `numbers` stores the last suffix of each name, so that thousands of equal requests stay fast.
     """
+    clean = _legal(name)
+    result, number = clean, (numbers or {}).get(clean, 2)
+    while result in taken or result in RESERVED or _NUMBERED.match(result):
+        result, number = f"{clean}{number}" if not clean[-1].isdigit() else f"{clean}_{number}", number + 1
+    if numbers is not None:
+        numbers[clean] = number
+    return result
+
+
+@lru_cache(1024)
+def _legal(name: str) -> str:
+    """A legal GLSL name close to the requested one."""
     clean = re.sub(r"_{2,}", "_", re.sub(r"\W", "_", name, flags=re.ASCII)).strip("_") or "value"
     if clean[0].isdigit():
         clean = f"n{clean}"
@@ -510,12 +531,7 @@ def identifier(name: str, taken: Iterable[str], numbers: dict[str, int] | None =
         clean = f"v{clean}"
     if clean in RESERVED or _TYPE_LIKE.match(clean):
         clean = f"{clean}_value"
-    result, number = clean, (numbers or {}).get(clean, 2)
-    while result in taken or result in RESERVED or _NUMBERED.match(result):
-        result, number = f"{clean}{number}" if not clean[-1].isdigit() else f"{clean}_{number}", number + 1
-    if numbers is not None:
-        numbers[clean] = number
-    return result
+    return clean
 
 
 class Dialect:
@@ -707,36 +723,37 @@ class FunctionPrinter:
     def emit(self, roots: Sequence[Expr], finish: Callable[[int, Piece], None]) -> None:
         """Print statements for shared values, then call `finish(i, piece)` for each root in turn."""
         loops: dict[Expr, _OpenLoop] = {}
+        uses: defaultdict[Expr, int] = defaultdict(int)
+        for root in roots:
+            uses[root] += 1
 
         def arguments(node: Expr) -> tuple[Expr, ...]:
             if node in self.names:
                 return ()
+            args = node.args
             if node.op == "loop":
-                if node not in loops:
-                    loops[node] = self._open(node)
-                return (*node.args[: len(node.data.state)], *loops[node].hoisted)
-            return node.args
+                loops[node] = self._open(node)
+                args = (*args[: len(node.data.state)], *loops[node].hoisted)
+            for arg in args:
+                uses[arg] += 1
+            return args
 
         order = topological(roots, arguments)
-        uses: dict[Expr, int] = dict.fromkeys(order, 0)
-        for node in order:
-            for arg in arguments(node):
-                uses[arg] += 1
-        for root in roots:
-            uses[root] += 1
         forced = {h for opened in loops.values() for h in opened.hoisted}
         pieces: dict[Expr, Piece] = {}
         waiting = list(enumerate(roots))
+        final = set(roots)
         for node in order:
             if node.type is STATE:
                 self._print_loop(node, loops[node], pieces)
                 continue
             piece = self._piece(node, pieces)
-            shared = uses[node] > 1 or node in forced
+            deep = piece.depth > DEPTH
             if (
-                node not in self.names
-                and node not in roots_only(waiting, node, uses)
-                and ((shared and not self._is_cheap(node)) or piece.depth > DEPTH)
+                (deep or uses[node] > 1 or node in forced)
+                and node not in self.names
+                and not (uses[node] == 1 and node in final)  # a root that nothing else reads needs no temporary
+                and (deep or not self._is_cheap(node))
             ):
                 piece = self._temporary(node, piece)
             pieces[node] = piece
@@ -887,11 +904,6 @@ _serial = [0]
 def next_serial() -> int:
     _serial[0] += 1
     return _serial[0]
-
-
-def roots_only(waiting: Sequence[tuple[int, Expr]], node: Expr, uses: Mapping[Expr, int]) -> tuple[Expr, ...]:
-    """A root that nothing else reads needs no temporary."""
-    return (node,) if uses[node] == 1 and any(root is node for _, root in waiting) else ()
 
 
 def _item(loop_expr: Expr, k: int, type: Type) -> Expr:

@@ -10,6 +10,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raymarch.expr.arrays import FLOAT64
 from raymarch.expr.node import Expr, const, construct, elementwise, make, product, simplifier, simplify, swizzle
@@ -187,18 +188,31 @@ def _placed(m: Expr, v: Expr) -> Expr | None:
     Elements below 2^-50 of their row, the rounding error of a full turn, count as 0, such as the cosine of a quarter
     turn. A matrix that only permutes and negates axes becomes a selection of components.
     """
+    data, selected, turned = _cleaned(m)
+    if selected is not None:
+        return construct(*(v[i] * sign for i, sign in selected))
+    if turned is not None:
+        i, j, k = turned
+        pair = product(const(data[np.ix_([i, j], [i, j])]), swizzle(v, "xyz"[i] + "xyz"[j]))
+        parts = {i: pair[0], j: pair[1], k: v[k]}
+        return construct(*[parts[n] for n in range(3)])
+    return None if np.array_equal(data, m.data) else make("matmul", v.type, (const(data, m.type), v))
+
+
+@lru_cache(256)
+def _cleaned(m: Expr) -> tuple[NDArray[np.float64], list[tuple[int, float]] | None, tuple[int, int, int] | None]:
+    """A constant matrix without rounding errors; the components that it selects and their signs, if it only does that;
+    and the axes i, j that it turns and the one, k, that it keeps, if it turns about an axis."""
     size = np.abs(m.data)
     data = np.where(size < 2.0**-50 * size.max(axis=1, keepdims=True), 0.0, m.data)
     if np.all(np.sort(np.abs(data), axis=1) == np.eye(m.type.size)[-1]):
-        return construct(*(v[int(np.argmax(np.abs(row)))] * float(row.sum()) for row in data))
+        return data, [(int(np.argmax(np.abs(row))), float(row.sum())) for row in data], None
     if m.type.size == 3:
         for k in range(3):
             i, j = (i for i in range(3) if i != k)
-            if data[k, k] == 1.0 and not any(data[[k, k, i, j], [i, j, k, k]]):  # a rotation about an axis
-                turned = product(const(data[np.ix_([i, j], [i, j])]), swizzle(v, "xyz"[i] + "xyz"[j]))
-                parts = {i: turned[0], j: turned[1], k: v[k]}
-                return construct(*[parts[n] for n in range(3)])
-    return None if np.array_equal(data, m.data) else make("matmul", v.type, (const(data, m.type), v))
+            if data[k, k] == 1.0 and not any(data[[k, k, i, j], [i, j, k, k]]):
+                return data, None, (i, j, k)
+    return data, None, None
 
 
 @simplifier("swizzle", "construct", "matmul", "transpose")

@@ -264,12 +264,13 @@ class Lowering:
         pending, seen = [root], {self._key(root)}
         while pending:
             node = pending.pop()
+            around = assignment_of(node)
             evaluations = [1] * len(node.children) if node.definition.arity == "many" else _evaluations(node)
             for given, times in zip(node.children, evaluations, strict=True):
                 child = _unlabelled(given)
                 key = self._key(child)
                 self._sites[key] = self._sites.get(key, 0) + times
-                if (inside := assignment_of(child)) is not None and inside == assignment_of(node):
+                if around is not None and assignment_of(child) == around:
                     self._inner |= {id(given), id(child)}
                 if key not in seen:
                     seen.add(key)
