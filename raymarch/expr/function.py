@@ -113,12 +113,12 @@ def _trace(
     names: dict[Expr, str] = {}
 
     def keep_locals(frame: Any, event: str, _arg: Any) -> None:
-        if event == "return" and frame.f_code in family:
+        if event == "return" and id(frame.f_code) in family:
             for local, value in frame.f_locals.items():
                 if isinstance(value, Expr):
                     names.setdefault(value, local)
 
-    family = set[CodeType]().union(*map(_code_family, codes))
+    family = {id(code) for each in codes for code in _code_family(each)}  # the hash of a code reads all of it
     previous, around = sys.getprofile(), _loops.open
     _loops.open = []
     sys.setprofile(keep_locals)

@@ -18,7 +18,6 @@ from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import cross, dot, length, where
 from raymarch.expr.walk import find, free_variables, rebuild, rewrite
 from raymarch.plan.hoisting import Hoisting
-from raymarch.scene.camera import Camera
 from raymarch.scene.parameter import Spec
 from raymarch.scene.scene import Scene
 from raymarch.sdf.lower import PARTS, Lowering
@@ -36,7 +35,7 @@ MOST = 64
 
 def changes(scene: Scene) -> bool:
     """True if anything but the camera reads time or a parameter."""
-    return bool(find(scene.replace(camera=Camera()).expressions(), "time", "param"))
+    return bool(find(scene.expressions(camera=False), "time", "param"))
 
 
 def motion_of(solid: Node, lowering: Lowering, hoist: Hoisting) -> tuple[Function, dict[str, Expr]]:

@@ -214,11 +214,11 @@ class Scene(Value):
             picture.show()
         return picture
 
-    def expressions(self) -> list[Expr]:
-        """Every expression in the scene that may read parameters or time."""
+    def expressions(self, camera: bool = True) -> list[Expr]:
+        """Every expression in the scene that may read parameters or time. camera : False leaves out the camera's."""
         found = list(_expressions_of(self.node))
         for part in (
-            self.camera,
+            *([self.camera] if camera else []),
             *self.lights,
             *self.materials,
             self.sky,
