@@ -93,8 +93,17 @@ def _smoothstep(low: Array, high: Array, x: Array) -> Array:
     return t * t * (3 - 2 * t)
 
 
+def _dot(a: Array, b: Array) -> Array:
+    """The sum of the products of all components, first to last: np.einsum takes up to six times as long."""
+    products = a * b
+    total = products[..., 0]
+    for i in range(1, products.shape[-1]):
+        total = total + products[..., i]
+    return total
+
+
 def _length(v: Array) -> Array:
-    return np.sqrt(np.einsum("...i,...i->...", v, v))
+    return np.sqrt(_dot(v, v))
 
 
 def _atan2(y: Array, x: Array) -> Array:
@@ -150,7 +159,7 @@ MAKERS: Mapping[str, Maker] = {
 RULES: Mapping[str, Rule] = {
     **{op: lambda node, *values, maker=maker: maker(node)(*values) for op, maker in MAKERS.items()},
     "where": _where,
-    "dot": lambda _node, a, b: np.einsum("...i,...i->...", a, b),
+    "dot": lambda _node, a, b: _dot(a, b),
     "cross": _cross,
     "length": lambda _node, v: _length(v),
     "normalize": lambda _node, v: v / np.maximum(_length(v), v.dtype.type(SHORTEST))[..., None],
