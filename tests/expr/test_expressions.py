@@ -16,10 +16,12 @@ import raymarch.expr.vocabulary as v
 from raymarch.errors import SceneError
 from raymarch.expr import Expr, Function, const, construct, expr, function, loop, trace, var
 from raymarch.expr.arrays import evaluator, value_of
+from raymarch.expr.function import sum_of
 from raymarch.expr.node import _interned, make, swizzle
 from raymarch.expr.samples import Samples
 from raymarch.expr.samples import sample as interpolated
 from raymarch.expr.types import BOOL, FLOAT, MAT3, VEC2, VEC3, VEC4, Type
+from raymarch.expr.walk import REMEMBERED, topological
 
 A, B, P, Q = var("a", FLOAT), var("b", FLOAT), var("p", VEC3), var("q", VEC2)
 M = v.columns(P, P, P)
@@ -85,6 +87,25 @@ def test_expressions_are_held_weakly() -> None:
     gc.collect()
     assert watched() is None
     assert len(_interned) <= before + 2
+
+
+def test_an_expression_remembers_its_order_and_is_freed_at_once() -> None:
+    """What it remembers has no circle, which would live until a collection; deep expressions remember nothing."""
+    terms = [A * (k + 0.25) for k in range(40)]
+    total = sum_of([v.sin(term) + P.x for term in terms])
+    first = topological([total])
+    assert total.below == tuple(first[:-1]) and topological([total]) == first
+    assert topological([total], lambda node: node.args) == first
+    assert topological([terms[3], total])[-1] is total and len(topological([terms[3], total])) == len(first)
+    deep = sum_of([v.cos(A * (k + 0.5)) for k in range(REMEMBERED)])
+    assert topological([deep])[-1] is deep and deep.below is None
+    watched = weakref.ref(total)
+    gc.disable()
+    try:
+        del first, total
+        assert watched() is None
+    finally:
+        gc.enable()
 
 
 def test_constants_are_read_only() -> None:
