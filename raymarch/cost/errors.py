@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raymarch.cost.flip import BAD, flip, largest_region
+from raymarch.cost.flip import BAD, Perceived, flip_between, largest_region, perceived
 from raymarch.cost.reference import Reference
 from raymarch.errors import CostError
 from raymarch.scene.scene import Scene
@@ -131,8 +132,18 @@ def measure(
             found |= _ranks("normal", _angles(vectors[compared], known.normal[compared]), 50, 99, 100)
     if color is not None:
         picture = shaped("errors: color", color, known.picture.shape)
-        found |= picture_errors(flip(known.picture, picture) if difference is None else difference)
+        found |= picture_errors(picture_difference(known, picture) if difference is None else difference)
     return Errors(**found)
+
+
+def picture_difference(known: Reference, color: ArrayLike) -> Array:
+    """FLIP of a picture, (H, W, 3) in linear RGB, against that of the reference: (H, W)."""
+    return flip_between(_perceived(known), perceived(color))
+
+
+@lru_cache(maxsize=2)  # the pictures of many settings are compared with one reference
+def _perceived(known: Reference) -> Perceived:
+    return perceived(known.picture)
 
 
 def picture_errors(difference: Array) -> dict[str, Any]:
@@ -157,7 +168,7 @@ def picture_doubt(known: Reference) -> float:
     It is the FLIP between the mean of all rays and the mean of half of them. This difference is as large as that
     between the mean of all rays and the mean of infinitely many. 0 for one ray per pixel: the noise is then unknown.
     """
-    return float(np.percentile(flip(known.picture, known.half), 99))
+    return float(np.percentile(picture_difference(known, known.half), 99))
 
 
 def footprints(known: Reference, depth: ArrayLike) -> Array:

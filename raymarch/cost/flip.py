@@ -6,6 +6,7 @@ Images" (HPG 2020), the version for low dynamic range. The tests compare it with
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -49,34 +50,46 @@ def flip(reference: ArrayLike, picture: ArrayLike, pixels_per_degree: float = PI
 
     Raises ValueError for pictures of different or other shapes.
     """
-    a, b = (np.clip(np.nan_to_num(np.asarray(x, np.float64), nan=0.0), 0.0, 1.0) for x in (reference, picture))
-    if a.shape != b.shape or a.ndim != 3 or a.shape[-1] != 3 or not a.size:
-        raise ValueError(f"flip: shapes {a.shape} and {b.shape}; legal: two pictures of one shape (H, W, 3)")
-    opponent_a, opponent_b = _opponent(a), _opponent(b)
-    color = _color_difference(opponent_a, opponent_b, pixels_per_degree)
-    feature = _feature_difference(opponent_a[..., 0], opponent_b[..., 0], pixels_per_degree)
-    result: Array = color ** (1.0 - feature)
+    return flip_between(perceived(reference, pixels_per_degree), perceived(picture, pixels_per_degree))
+
+
+@dataclass(frozen=True, slots=True)
+class Perceived:
+    """What the eye sees of a picture: colours, (H, W, 3), and how strong edges and points are, each (H, W)."""
+
+    color: Array
+    edges: Array
+    points: Array
+
+
+def perceived(picture: ArrayLike, pixels_per_degree: float = PIXELS_PER_DEGREE) -> Perceived:
+    """The first half of FLIP, for a picture that is compared with several others. Parameters are those of `flip`."""
+    rgb = np.clip(np.nan_to_num(np.asarray(picture, np.float64), nan=0.0), 0.0, 1.0)
+    if rgb.ndim != 3 or rgb.shape[-1] != 3 or not rgb.size:
+        raise ValueError(f"flip: a picture of shape {rgb.shape}; legal: (H, W, 3)")
+    opponent = _opponent(rgb)
+    light = (opponent[..., 0] + 16.0) / 116.0
+    features = (_features(light, kind, pixels_per_degree) for kind in ("edge", "point"))
+    return Perceived(_hunt(_lab(_filtered(opponent, pixels_per_degree))), *features)
+
+
+def flip_between(a: Perceived, b: Perceived) -> Array:
+    """FLIP of each pixel, (H, W), of two pictures. ValueError for different shapes."""
+    if a.color.shape != b.color.shape:
+        raise ValueError(
+            f"flip: shapes {a.color.shape} and {b.color.shape}; legal: two pictures of one shape (H, W, 3)"
+        )
+    feature = np.maximum(np.abs(a.edges - b.edges), np.abs(a.points - b.points))
+    result: Array = _color_difference(a, b) ** (1.0 - (feature / np.sqrt(2.0)) ** _FEATURE_POWER)
     return result
 
 
-def _color_difference(a: Array, b: Array, ppd: float) -> Array:
-    lab_a, lab_b = (_hunt(_lab(_filtered(x, ppd))) for x in (a, b))
+def _color_difference(a: Perceived, b: Perceived) -> Array:
     largest = _largest()
-    power = _hyab(lab_a, lab_b) ** _COLOR_POWER
+    power = _hyab(a.color, b.color) ** _COLOR_POWER
     knee = _KNEE * largest
     beyond = _KNEE_VALUE + (power - knee) / (largest - knee) * (1.0 - _KNEE_VALUE)
     return np.where(power < knee, _KNEE_VALUE / knee * power, beyond)
-
-
-def _feature_difference(a: Array, b: Array, ppd: float) -> Array:
-    """Difference of edges and points between two pictures."""
-    lights = ((a + 16.0) / 116.0, (b + 16.0) / 116.0)
-    found = []
-    for kind in ("edge", "point"):
-        one, other = (_features(x, kind, ppd) for x in lights)
-        found.append(np.abs(one - other))
-    result: Array = (np.maximum(*found) / np.sqrt(2.0)) ** _FEATURE_POWER
-    return result
 
 
 def _features(light: Array, kind: str, ppd: float) -> Array:

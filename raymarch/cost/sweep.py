@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 import raymarch
 from raymarch.cost.drawing import Renderers, brought_to, draw, nearest, timed
-from raymarch.cost.errors import Errors, measure
-from raymarch.cost.flip import flip
+from raymarch.cost.errors import Errors, measure, picture_difference
 from raymarch.cost.reference import Reference
 from raymarch.cost.settings import Setting, schedule_of
 from raymarch.cost.statistics import Median, median
@@ -261,7 +260,7 @@ def examine(
     ready = renderer.prepared(made)
     color = brought_to(last.array("color"), size) if output == "color" else None
     geometry = renderer.render(made, time, params, ("depth",))
-    difference = None if color is None else flip(known.picture, color)
+    difference = None if color is None else picture_difference(known, color)
     evaluations = geometry.array("evaluations")
     depth, normal, reach = (nearest(geometry.array(name), size) for name in ("depth", "normal", "reach"))
     draw(scene, setting, renderer, time, params, (output,))  # the warm-up
