@@ -6,7 +6,8 @@ python -m tests.lab.front --size 160x90 --turns 0         # another size, withou
 python -m tests.lab.front --json front.json               # every setting, for programs
 python -m tests.lab.front --table front.json              # the table of an earlier run
 
-Settings are those of `raymarch cost` with the scene's own rays per pixel, light and resolution; others cost a multiple.
+Settings are those of `raymarch cost`, one change at a time, with the scene's own rays per pixel, light and resolution;
+others cost a multiple.
 Costs are evaluations of the field (of a camera ray by pixels_p99, of all rays of a pixel by flip_p99) and CPU time of a
 frame. A rival beats the default by an error and a cost if its error is no larger and its cost at least 1 % less. It
 dominates the default if it is also no worse in the other errors of `ERRORS`; otherwise the row says what it gives up.
@@ -19,6 +20,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +60,8 @@ def measure(name: str, size: tuple[int, int], turns: int) -> list[Row]:
     scene = load(ROOT / f"{name}.py")
     scene = scene.replace(quality=scene.quality.to_preset("normal"))
     known = reference(scene, size, samples=0 if scene.path_traced else 16)
-    settings = [s for s in grid(scene, axes(), size) if comparable(s, scene.quality)]
+    single = [replace(axis, crossed=False) for axis in axes()]
+    settings = [s for s in grid(scene, single, size) if comparable(s, scene.quality)]
     with rm.Renderer(size) as renderer:
         renderer.kept = 8 * len(settings)
         points = [examine(scene, s, known, renderer, 0.0, None, "color") for s in settings]
