@@ -16,13 +16,14 @@ from raymarch.scene.scene import Scene
 MODULES = {"relaxed_again": "relaxed"}
 """Tracers whose module has a different name."""
 
-WORTH, WORTH_BESIDE = 1e8, 3e9
-"""Operations of the field times pixels from which schedule "auto" marches cones, without and with closed-form hits.
+WORTH_FAR, WORTH, WORTH_BESIDE = 2e7, 1e8, 3e9
+"""Operations of the field times pixels from which schedule "auto" marches cones: where a marched solid is unbounded,
+where all are bounded, and where these are beside closed-form hits.
 
-Below, a second program and pass cost more than the evaluations that they save. Rays along a floor take the most steps;
-where the floor is solved in closed form, cones save little. On llvmpipe, frames of village (4e8 at 640x360) took 85 %
-of the time with cones if all solids were marched, 106 % with closed-form hits (115 % at 1.6e9, 1280x720), and its first
-frame .5 s more. Frames of costly (7.5e9) took 82 %.
+Below, a second program and pass cost more than the evaluations that they save. Rays along unbounded solids take the
+most steps; where the floor is solved in closed form and the others are bounded, cones save little. CPU time of frames
+with cones on llvmpipe: columns 85 % (2e7, 640x360) and 81 % (8e7, 1280x720), its first frame .1 s more; village 84 % if
+all solids are marched (4e8), 98 % with closed-form hits (102 % at 1.6e9). One level takes 93 to 98 % of three.
 """
 
 
@@ -132,6 +133,7 @@ def choose(
     standalone: bool = False,
     cells: bool = False,
     closed: bool = False,
+    far: bool = False,
 ) -> Marching:
     """Choose the tracer and the schedule for a scene.
 
@@ -139,11 +141,13 @@ def choose(
     size : (width, height) of the picture in pixels, None if not known.
     standalone : True for a shader that draws the picture in one pass, without cones.
     cells : True if objects are found through cells. closed : True if some solids have closed-form hits.
+    far : True if a marched solid is unbounded.
     """
     quality = scene.quality
     certified, several = trusted(scene), quality.samples > 1 or quality.temporal != "off"
     tracer, tracer_reason = _choose_tracer(quality, certified)
-    schedule, schedule_reason = _choose_schedule(quality, certified, operations, None if cells else size, closed)
+    least = WORTH_FAR if far else WORTH_BESIDE if closed else WORTH
+    schedule, schedule_reason = _choose_schedule(quality, certified, operations, None if cells else size, least)
     if cells and schedule is SINGLE and certified and quality.schedule == "auto" and not quality.shortened:
         schedule_reason = "cells skip empty space, so cones would save less than their program takes to compile"
     if standalone:
@@ -182,7 +186,7 @@ def _choose_tracer(quality: Quality, certified: bool) -> tuple[str, str]:
 
 
 def _choose_schedule(
-    quality: Quality, certified: bool, operations: int, size: tuple[int, int] | None, closed: bool
+    quality: Quality, certified: bool, operations: int, size: tuple[int, int] | None, least: float
 ) -> tuple[Schedule, str]:
     asked = quality.schedule
     if not certified:
@@ -196,9 +200,9 @@ def _choose_schedule(
     if size is None:
         return SINGLE, "the size of the picture is not known"
     work = operations * size[0] * size[1]
-    if work < (WORTH_BESIDE if closed else WORTH):
+    if work < least:
         return SINGLE, f"{work:.2g} operations for one evaluation per pixel, too few for cones to save time"
-    return SCHEDULES["cones"], f"{work:.2g} operations for one evaluation per pixel, enough for cones to save time"
+    return SCHEDULES["cone"], f"{work:.2g} operations for one evaluation per pixel, enough for cones to save time"
 
 
 def variants_of(scene: Scene) -> frozenset[str]:

@@ -373,7 +373,8 @@ def _marching_of(
 ) -> Marching:
     cells = bool(gathered.rows)
     marched = count_operations([closed.rest.body], turns=not cells) if closed.rest else operations
-    return marching.choose(scene, marched, size, standalone, cells, closed.used)
+    far = not all(node.facts.bounded for node in (closed.marched if closed.used else [scene.node]))
+    return marching.choose(scene, marched, size, standalone, cells, closed.used, far)
 
 
 def _refuse_mixed(scene: Scene, standalone: bool) -> bool:

@@ -128,9 +128,9 @@ class Quality(Value):
         - "two", "four", "six": the resolutions of Bálint and Valasek 2018, each with a fraction of `max_steps`.
         - "cone": cones of 4 by 4 pixels, marched until they cannot advance.
         - "cones": cones of 16 by 16, then 4 by 4, then 2 by 2 pixels.
-        - "auto": "cones" if the field is certified, `step_scale` and `step_variation` do not shorten its steps, and one
-          evaluation for each pixel takes at least 1e8 operations in all, 3e9 beside solids with closed-form hits; else
-          "single".
+        - "auto": "cone" if the field is certified, `step_scale` and `step_variation` do not shorten its steps, and one
+          evaluation for each pixel takes at least 1e8 operations in all: 2e7 if a marched solid is unbounded, 3e9 if
+          none is and others have closed-form hits; else "single".
     refinement : end of a ray that came within `epsilon`. "proven": step along the slope, and evaluate the field to
         prove that the point is closer; a ray that only passes the surface marches on. "slope": one such step, without
         the proof. "none": the hit is the last sample.

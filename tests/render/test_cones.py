@@ -148,6 +148,12 @@ def test_the_plan_marches_cones_only_where_they_pay_and_are_safe() -> None:
     beside = rm.Scene(rm.union(costly, rm.plane(offset=-1)), quality=rm.Quality(objects="text"))
     assert plan(beside, size=(640, 360)).analytic.used and not plan(beside, size=(640, 360)).marching.cones
     assert plan(beside, size=(6400, 3600)).marching.cones
+    block = rm.box((1.5, 0.4, 1.5)).round(0.05)
+    column = rm.union(rm.cylinder(0.5, 4), *(block.translate((0, y, 0)) for y in (-2.2, 2.2)), k=0.3)
+    far, near = (rm.Scene(column.repeat((3, None, 3), count=n) | rm.plane(offset=-2.3)) for n in (None, (9, None, 9)))
+    assert plan(far, size=(640, 360)).marching.schedule == SCHEDULES["cone"]
+    assert plan(far, size=(640, 360)).analytic.used and not plan(far, size=(160, 90)).marching.cones
+    assert not plan(near, size=(640, 360)).marching.cones
     assert not plan(rm.Scene(costly), size=(640, 360)).marching.cones, "cells skip empty space"
     guess = rm.Scene(rm.mandelbulb(), quality=rm.Quality(schedule="cones"))
     assert not plan(guess, size=(640, 360)).marching.cones
