@@ -7,10 +7,10 @@ python -m tests.lab.front --json front.json               # every setting, for p
 python -m tests.lab.front --table front.json              # the table of an earlier run
 
 Settings are those of `raymarch cost`, one change at a time, with the scene's own rays per pixel, light and resolution;
-others cost a multiple.
-Costs are evaluations of the field (of a camera ray by pixels_p99, of all rays of a pixel by flip_p99) and CPU time of a
-frame. A rival beats the default by an error and a cost if its error is no larger and its cost at least 1 % less. It
-dominates the default if it is also no worse in the other errors of `ERRORS`; otherwise the row says what it gives up.
+others cost a multiple. Costs are evaluations of the field (of a camera ray by pixels_p99, of all rays of a pixel by
+flip_p99) and CPU time of a frame. A rival beats the default by an error and a cost if its error is no larger and its
+cost at least 1 % less. The row names the cheapest of those that are no worse in all of `ERRORS`; if there is none, the
+cheapest and what it gives up. It dominates the default if it beats it by both costs.
 Times of rivals and of the default are taken in turns. Their ratios are medians with 95 % intervals. A rival is faster
 only if its interval is below 1 in two rounds.
 """
@@ -165,7 +165,7 @@ def verdict(rows: list[Row], metric: str, by_time: bool) -> str:
     time = f", time × {ratio['median']:.2f} [{ratio['low']:.2f}, {ratio['high']:.2f}]" if ratio and not by_time else ""
     time = time or ("" if by_time or "milliseconds" not in own else ", slower")
     lost = given_up(best, own)
-    end = f"; gives up: {', '.join(lost)}" if lost else "; **dominates**"
+    end = f"; gives up: {', '.join(lost)}" if lost else "; no error is larger"
     return f"`{best['name']}` × {cost(best):.2f}{spread}{time}{end}"
 
 
