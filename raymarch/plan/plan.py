@@ -6,7 +6,7 @@ contains nothing that the scene does not use. `explain` prints the reasons.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from dataclasses import field as default
 
@@ -64,13 +64,13 @@ class Plan:
     """The functions, modules and passes that draw a scene.
 
     given : the scene of the caller. origin : origin of the shader's coordinates in that scene, shape (3,), float64.
-    hoisted : hoisted time-only expressions, by the name of the parameter that replaces each.
+    hoist : replaces the time-only expressions of the functions of a shader.
     scene : the scene relative to `origin`; all other attributes describe it.
     """
 
     given: Scene
     origin: NDArray[np.float64]
-    hoisted: dict[str, Expr]
+    hoist: Hoisting
     scene: Scene
     field: Function
     origins: dict[Expr, Location]
@@ -121,6 +121,11 @@ class Plan:
             "UNCOUNTED": not any(p.counts for p in self.passes),
         }
         return marching.variants_of(self.scene) | {name for name, called in used.items() if called}
+
+    @property
+    def hoisted(self) -> Mapping[str, Expr]:
+        """The hoisted expressions so far, by the name of the parameter that replaces each."""
+        return self.hoist.expressions
 
     @property
     def certified(self) -> bool:
@@ -299,7 +304,7 @@ def plan(
     made = Plan(
         given=given,
         origin=origin,
-        hoisted=hoist.expressions,
+        hoist=hoist,
         scene=scene,
         field=definition,
         origins=lowering.origins,

@@ -278,13 +278,14 @@ def expression_functions(plan: Plan) -> list[Function]:
 
 
 def _roots(plan: Plan, values: Values) -> list[Function]:
-    """The functions of expressions that modules and generated code call."""
+    """The functions of expressions that modules and generated code call. A standalone shader computes all values."""
     optional = (
         *(plan.gradient, plan.material, plan.relief, plan.emission, plan.glass, plan.material_index),
         *(plan.analytic.hit, plan.analytic.rest, plan.analytic.solved_distance),
     )
     mapped = (footprint_axis, shading_normal) if plan.relief is not None else ()
-    return [plan.field, *mapped, *(f for f in optional if f is not None), *values.functions, *plan.further]
+    found = [plan.field, *mapped, *(f for f in optional if f is not None), *values.functions, *plan.further]
+    return found if plan.standalone else [plan.hoist(function) for function in found]
 
 
 def _records(roots: Sequence[Function]) -> frozenset[Type]:

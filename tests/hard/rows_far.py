@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import raymarch as rm
-from raymarch.expr.vocabulary import sin
+from raymarch.expr.vocabulary import sin, vec3
 from raymarch.plan import plan
 from raymarch.scene import load
 from tests.hard.world import ULP, Figure, World, bytes_off, case, view_of
@@ -128,3 +128,21 @@ def long_time(world: World) -> Iterator[Figure]:
     known, later = (world.draw(rippled, outputs=("color", "depth"), time=0.3 + 2 * np.pi * n) for n in (0, 5_000_000))
     inner = np.isfinite(known.depth) & np.isfinite(later.depth)
     yield Figure("8-bit steps of waves after a year", bytes_off(known, later, inner), 1, "float64 leaves 4e-9 s")
+    pulse = 0.5 + 0.4 * sin(3.0 * rm.time)
+    moving = rm.Material(
+        lambda p: vec3(0.5 + 0.4 * sin(10.0 * p.x + rm.time), pulse, 0.5), emission=(0, 0, 0.2 * pulse)
+    )
+    lit = rm.Scene(
+        rm.sphere().material(moving) | rm.plane(offset=-1).material(rm.Material((pulse, 0.5, 0.5))),
+        rm.Camera((2, 1.5, 3), (0, 0, 0)),
+        [rm.Sun((1, 2, 1), color=(1, pulse, 1)), rm.PointLight((2, 2, 2), intensity=3.0 * pulse)],
+        sky=rm.Sky((pulse, 0.5, 0.5)),
+        fog=rm.Fog((0.5, pulse, 0.5), 0.1 * pulse),
+    )
+    known, later = (world.draw(lit, outputs=("color",), time=0.3 + 2 * np.pi * n) for n in (0, 5_000_000))
+    yield Figure(
+        "8-bit steps of materials, lights, sky and fog after a year",
+        bytes_off(known, later),
+        1,
+        "float64 leaves 4e-9 s",
+    )

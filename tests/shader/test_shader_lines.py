@@ -174,7 +174,7 @@ def test_an_error_beyond_the_field_names_the_scene_or_the_light(
     renderer: rm.Renderer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     red = rm.sphere(rm.Param("r", 0.5, 0.1, 1)).material(rm.Material((1, 0, 0)))
-    lamp = rm.PointLight((0, 2 * rm.time, 0))
+    lamp = rm.PointLight((0, 2 * rm.Param("y", 1.0, 0, 2), 0))
     for function, output, where in (
         ("part_at", "color", None),
         ("material_index", "depth", None),
