@@ -275,6 +275,7 @@ class Renderer:
         lost, above = frame._count_odd()
         found = [*frame.warnings, *vouch.contradicted(scene, values), vouch.not_finite(lost, pixels)]
         found += [vouch.noisy(scene), vouch.inside(ready, values, pose), *unused(scene)]
+        found.append(vouch.coarse(ready, pose, frame.size[1]))
         white = vouch.overexposed(frame.color, scene) if above > vouch.OVEREXPOSED * pixels else None
         if white is not None:
             found.append(vouch.clipped(white, frame.color, frame.material, scene))

@@ -15,6 +15,7 @@ from raymarch.gpu.prepare import Prepared
 from raymarch.plan.unused import is_sampled
 from raymarch.scene.camera import Pose
 from raymarch.scene.light import RectLight
+from raymarch.scene.origin import ULP
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene, all_nodes
 from raymarch.sdf.sampled_facts import quick_contradictions, stated_by_user
@@ -125,6 +126,21 @@ def inside(ready: Prepared, values: Values, pose: Pose) -> str:
         return ""
     what = f"the camera is {depth:.3g} deep inside a solid, whose inner side is shown"
     return f"{what} (move it, or hide the solid: node.visible(camera=False))"
+
+
+def coarse(ready: Prepared, pose: Pose, height: int) -> str:
+    """The doubt of a camera so far from all bounded parts that float32 rounds points by half a pixel or more there."""
+    subject = ready.plan.scene.subject
+    if subject is None:
+        return ""
+    position = pose.position - ready.plan.origin
+    away = float(np.linalg.norm(np.maximum(np.maximum(subject.lower - position, position - subject.upper), 0.0)))
+    rounding = 2.0 * ULP * (float(np.max(np.abs(position))) + away)
+    pixels = rounding / float(pose.footprint(away, height)) if away > 0.0 else 0.0
+    if pixels < 0.5:
+        return ""
+    what = f"the camera is {away:.3g} from what it shows, where float32 holds points within {pixels:.2g} pixels"
+    return f"{what} (a nearer camera, as projection='orthographic')"
 
 
 def overexposed(color: NDArray[Any], scene: Scene) -> NDArray[np.bool_] | None:

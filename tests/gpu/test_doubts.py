@@ -203,3 +203,17 @@ def test_a_floor_that_is_clipped_to_white(context):
             lit_floor(4).replace(tone=rm.ToneMapping(exposure=-1.9)),
         ):
             assert not renderer.render(scene).doubts()
+
+
+@pytest.mark.parametrize(("away", "doubtful"), [(1e3, False), (1e6, True)])
+def test_a_camera_from_which_float32_rounds_by_pixels_is_a_doubt(renderer, away, doubtful):
+    """From 1e6 the silhouette of the ball is wrong by pixels, from 1e3 by a hundredth of one."""
+    fov = float(np.degrees(2 * np.arctan(1.2 / away)))
+    towards = np.array((0.48, 0.6, 0.64))
+    frame = renderer.render(rm.Scene(rm.sphere(), rm.Camera(tuple(away * towards), (0, 0, 0), fov=fov)))
+    assert any("float32 holds points within" in doubt for doubt in frame.doubts()) == doubtful
+    beside = rm.Camera(tuple(5.0 * towards), (0, 0, 0), projection="orthographic", height=2.4)
+    parallel = renderer.render(rm.Scene(rm.sphere(), beside))
+    assert parallel.doubts() == []
+    wrong = int(np.sum(np.isfinite(frame.depth) != np.isfinite(parallel.depth)))
+    assert (wrong > 20) == doubtful
