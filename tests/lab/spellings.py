@@ -516,6 +516,7 @@ class Spelling:
             path,
             lambda: made.material(material),
             lambda: made.translate((0, 0, 0)).material(material),
+            lambda: made.material(_at_any_time(material)),
         )
 
     def _plane(self, path: str, exact: bool, y: float) -> rm.Node:
@@ -537,6 +538,12 @@ class Spelling:
 
 def _named(name: str, path: str) -> str:
     return f"{name} {path}".replace(":", "-").replace("!", "")
+
+
+def _at_any_time(material: rm.Material) -> rm.Material:
+    """The material, its colour times a wave of time that is 1 at `TIME`, after a million periods."""
+    name = "albedo" if material.physical else "color"
+    return material.replace(**{name: rm.cos(1e6 * math.tau / TIME * rm.time) * getattr(material, name)})
 
 
 def _finer(points: list[tuple[float, float]], count: int) -> list[tuple[float, float]]:
@@ -810,7 +817,7 @@ class Draw:
         if not math.isfinite(_extent(child, 0)):
             return child
         if name == "stretch":
-            return (name, tuple(map(float, r.uniform(0.3, 1.6, 3))), child)
+            return (name, tuple(map(float, 10.0 ** r.uniform(-2.0, 0.2, 3))), child)
         if name == "sheared":
             return (name, float(r.uniform(-1.5, 1.5)), child)
         if name == "reflect":
