@@ -11,6 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from raymarch.cache import folder as cache_folder
 from raymarch.errors import RaymarchError, SceneError, is_users
 
 _read: dict[str, None] | None = None
@@ -57,8 +58,13 @@ def _record(event: str, arguments: tuple[Any, ...]) -> None:
 
 
 def may_belong(file: str) -> bool:
-    """True if a file that was read may belong to a scene, not to Python or to the system."""
-    return is_users(file) and not file.startswith(("/proc/", "/sys/", "/dev/"))
+    """True if a file that was read may belong to a scene, not to Python, the system or a cache.
+
+    Each use of a file of our cache touches it: a window that watched it would load its scene without end.
+    """
+    users = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    caches = [os.path.join(os.path.abspath(found), "") for found in (cache_folder(), users) if found]
+    return is_users(file) and not file.startswith(("/proc/", "/sys/", "/dev/", *caches))
 
 
 @contextmanager

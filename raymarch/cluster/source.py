@@ -90,6 +90,5 @@ def _inside(root: str, path: str) -> Path:
 
 
 def _is_asset(file: str) -> bool:
-    """True if a file belongs to the scene, not to Python, the system or the cache of sampled shapes."""
-    cache = os.environ.get("RAYMARCH_CACHE") or os.path.join(os.path.expanduser("~"), ".cache")
-    return may_belong(file) and not file.startswith((os.path.abspath(cache) + os.sep, sys.prefix + os.sep))
+    """True if a file belongs to the scene, not to Python, the system or a cache."""
+    return may_belong(file) and not file.startswith(sys.prefix + os.sep)

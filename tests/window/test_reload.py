@@ -11,8 +11,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
 import pytest
 
+from raymarch import cache
+from raymarch.files import may_belong, recorded
 from raymarch.scene.file import load
 from raymarch.window import commands as do
 from raymarch.window.constants import Constants
@@ -231,3 +234,17 @@ def test_a_window_that_is_killed_leaves_no_process(tmp_path: Path) -> None:
         while children & processes().keys() and time.monotonic() < until:
             time.sleep(0.05)
         assert not children & processes().keys()
+
+
+def test_files_of_a_cache_are_not_watched(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Each use touches them, so a window that watched them would load its scene without end."""
+    ours, users, mine = tmp_path / "ours", tmp_path / "users", tmp_path / "scene" / "data.npz"
+    monkeypatch.setenv("RAYMARCH_CACHE", str(ours))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(users))
+    files = ours / "cells" / "a.npz", users / "matplotlib" / "fonts.json", mine
+    for file in files:
+        cache.save(file, {"values": np.zeros(3)})
+    with recorded() as read:
+        assert all(cache.load(file) is not None for file in files)
+    assert {str(file) for file in files} <= set(read)
+    assert [file for file in map(str, files) if may_belong(file)] == [str(mine)]
