@@ -18,6 +18,8 @@ from raymarch.expr.tables import Table
 from raymarch.expr.texels import Texels
 from raymarch.expr.walk import find
 from raymarch.plan import Plan, lights, plan
+from raymarch.plan.gather import gather
+from raymarch.plan.objects import exact_distance
 from raymarch.scene.parameter import Spec, Values
 from raymarch.scene.quality import SINGLE_PASS
 from raymarch.scene.scene import Scene, all_nodes, check_scene
@@ -45,16 +47,21 @@ class Text:
     arrays: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
 
+MOST_AS_TEXT = 256
+"""Objects that a form with textures holds as text: compilers take some ten seconds for them."""
+
+
 def alone(scene: Scene) -> Scene:
     """The scene with a quality that draws one picture in one pass, without earlier frames."""
     return scene.replace(quality=scene.quality.replace(**SINGLE_PASS, rays="computed"))
 
 
-def planned(scene: Scene, chosen: str) -> Plan:
-    """A plan of one pass for a text, which needs no rows of a texture for objects."""
+def planned(scene: Scene, chosen: str, textures: bool = False) -> Plan:
+    """A plan of one pass for a text. Objects are text, unless there are many and the form has textures for rows."""
     check_scene("export", scene)
     scene = alone(scene)
-    if scene.quality.objects == "auto":
+    many = textures and gather(scene.node, "auto", exact_distance(scene), live=False).data > MOST_AS_TEXT
+    if scene.quality.objects == "auto" and not many:
         scene = scene.replace(quality=scene.quality.replace(objects="text"))
     return plan(scene, (chosen,), standalone=True)
 

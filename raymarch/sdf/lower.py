@@ -404,7 +404,8 @@ class Lowering:
             if not self.bounding.chosen(children, bodies):
                 self._bounded_unions[id(node)] = None
                 return None
-            self.shapes &= counted  # those of the functions are counted instead
+            if point is not p:
+                self.shapes &= counted  # those of the functions are counted instead
             functions = []
             for child in children:
                 if id(child) not in self._operands:

@@ -216,6 +216,26 @@ def test_large_textures_are_samplers_and_arrays(renderer: Renderer, tmp_path: Pa
     compare(drawn(renderer, text, {"u_resolution": (64, 48), base: picture_texture, samples: grid}), wanted)
 
 
+def test_many_objects_are_rows_of_textures(renderer: Renderer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As text, thousands of objects take compilers minutes; Shadertoy has no textures for them."""
+    places = np.random.default_rng(2).uniform(-2, 2, (400, 3))
+    balls = [rm.sphere(0.1 + 0.0005 * i).translate(tuple(p)) for i, p in enumerate(places)]
+    scene = rm.Scene(rm.union(*balls, rm.plane(offset=-2), rm.sphere(0.5).translate((0, 2 + sin(rm.time), 0))))
+    wanted = picture(renderer, scene)
+    text = export_text(tmp_path, scene)
+    assert len(text) < 60_000 and files(tmp_path) == {"made.glsl", "made.textures.npz"}
+    arrays = dict(np.load(tmp_path / "made.textures.npz"))
+    with renderer.context.bound():
+        gl, tables = renderer.context.gl, {}
+        for name, array in arrays.items():
+            tables[name] = gl.texture(array.shape[1::-1], array.shape[2], array.tobytes(), dtype="f4")
+            tables[name].filter = (gl.NEAREST, gl.NEAREST)
+    compare(drawn(renderer, text, {"u_resolution": (64, 48), **tables}), wanted)
+    monkeypatch.setattr(inputs, "MOST_AS_TEXT", 400)
+    (tmp_path / "text").mkdir()
+    assert "sampler" not in export_text(tmp_path / "text", scene) and files(tmp_path / "text") == {"made.glsl"}
+
+
 def refused(scene: rm.Scene, folder: Path, **options: Any) -> str:
     """The message of a refusal, which leaves no file."""
     with pytest.raises(RaymarchError) as caught:

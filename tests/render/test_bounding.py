@@ -147,6 +147,7 @@ def test_costly_operands_are_found_and_the_reason_is_told() -> None:
     text = assemble(made).text()
     assert "float nearest(vec3 p)" in text and "i < 256" in text
     plain = plan(rm.Scene(node, quality=rm.Quality(bounding_volumes=False)))
+    assert made.shapes == plain.shapes == 5, "shapes in boxes count"
     assert plain.bounding.reason == "Quality(bounding_volumes=False)" and "nearest(" not in assemble(plain).text()
     assert not plan(rm.Scene(node.visible(shadow=False) | rm.sphere())).bounding.used
 

@@ -21,7 +21,7 @@ def text_of(scene: Scene, values: Values) -> Text:
 
     Raises PlanError if the sky's light, or more lights than the text unrolls, change.
     """
-    made = planned(scene, "standalone")
+    made = planned(scene, "standalone", textures=True)
     shader = shader_of(made)
     lines = declarations(made, shader, values)
     comment: list[str] = []
