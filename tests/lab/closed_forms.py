@@ -115,7 +115,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--frames", type=int, default=9)
     given = parser.parse_args(arguments)
     size = tuple(map(int, given.size.split("x")))
-    print("| scene | | first s | frame ms | least ms | evaluations | p99 depth error | largest | missed | times faster |")
+    print("| scene | | first s | frame ms | least ms | evaluations | p99 error | largest | missed | times faster |")
     print("|---|---|---|---|---|---|---|---|---|---|")
     for name in given.names:
         rows = compare(SCENES[name](), (size[0], size[1]), given.frames)
