@@ -30,7 +30,6 @@ from raymarch.expr.glsl import print_functions
 from raymarch.expr.node import var
 from raymarch.expr.types import FLOAT
 from raymarch.sdf.blends import FAMILIES
-from raymarch.sdf.booleans import smooth_min
 from raymarch.sdf.rows import Rows
 
 Array: TypeAlias = NDArray[np.float64]
@@ -198,7 +197,7 @@ class _Builder:
             self.reach = REACH[rows.family] * rows.k
             self.lowers = 0.25 * rows.k * np.ceil(np.log2(max(len(rows), 2)))
             a, b, k = var("a", FLOAT), var("b", FLOAT), var("k", FLOAT)
-            folded = smooth_min(a, b, k) if rows.family == "quadratic" else FAMILIES[rows.family](4).fold(a, b, k)
+            folded = FAMILIES[rows.family](4).fold(a, b, k)
             self._fold = evaluator([folded], [a, b, k])
         low, high = lower[self.bounded].min(axis=0), upper[self.bounded].max(axis=0)
         extent = high - low

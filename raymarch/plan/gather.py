@@ -126,15 +126,13 @@ class _Gatherer:
         name, params = node.definition.name, node.params
         if name == "hard_union":
             return self._union(node, exact, depth)
-        if name in ("smooth_union", "blended_union") and params["k"].is_constant:
-            family = "quadratic" if name == "smooth_union" else str(params["family"])
-            if family in REACH:
-                k = float(params["k"].data)
-                rows = self._blend(node, family, k)
-                if rows is not None:
-                    self._keep(rows, exact)
-                    return self._placed(instanced(rows), node)
-                return self._below(node, exact + _margin(family, k, len(node.children)), depth)
+        if name == "smooth_union" and params["k"].is_constant and params["family"] in REACH:
+            family, k = str(params["family"]), float(params["k"].data)
+            rows = self._blend(node, family, k)
+            if rows is not None:
+                self._keep(rows, exact)
+                return self._placed(instanced(rows), node)
+            return self._below(node, exact + _margin(family, k, len(node.children)), depth)
         if name == "labelled" and node.children[0].labelled and not self._is_constant(node.label):
             # Some objects have materials of their own, the others inherit one that is no row of numbers.
             child = node.children[0]

@@ -23,7 +23,6 @@ from raymarch.plan.bounding import nearer, state_gradient, value_and_gradient
 from raymarch.plan.cells import PAIRS, Cells, build
 from raymarch.scene.scene import Scene, all_nodes
 from raymarch.sdf.blends import FAMILIES
-from raymarch.sdf.booleans import smooth_min
 from raymarch.sdf.rows import FARTHEST, Rows
 
 TOGETHER = 4
@@ -235,8 +234,7 @@ class Located:
         values are folded as end with it."""
         rows, forms = self.rows, range(len(self.rows.forms))
         a, b, width = var("a", FLOAT), var("b", FLOAT), var("k", FLOAT)
-        fold = smooth_min if rows.family == "quadratic" else FAMILIES[rows.family](4).fold
-        folded = fold(a, b, width)
+        folded = FAMILIES[rows.family](4).fold(a, b, width)
         by_a, by_b = gradient(folded, a), gradient(folded, b)
 
         def merge(left: Sequence[Expr], right: Sequence[Expr]) -> list[Expr]:

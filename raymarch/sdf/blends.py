@@ -24,6 +24,13 @@ ROOT_HALF = math.sqrt(0.5)
 
 
 @function(a=FLOAT, b=FLOAT, k=FLOAT)
+def smooth_min(a: Expr, b: Expr, k: Expr) -> Expr:
+    """Quadratic smooth minimum: min(a, b) where |a - b| >= k, smooth_min(a, a, k) = a - k/4."""
+    h = max(k - abs(a - b), 0.0) / k
+    return min(a, b) - h * h * k * 0.25
+
+
+@function(a=FLOAT, b=FLOAT, k=FLOAT)
 def cubic_min(a: Expr, b: Expr, k: Expr) -> Expr:
     """Twice differentiable; works within |a - b| < 1.5 k."""
     h = max(1.5 * k - abs(a - b), 0.0) / (1.5 * k)
@@ -122,12 +129,12 @@ class Family:
     Attributes
     ----------
     fold : the smooth minimum of two distances, with k.
-    steepness : Lipschitz constant of a blend of n operands that are 1-Lipschitz.
+    steepness : Lipschitz constant of a blend of n operands that are 1-Lipschitz; None if it is that of the operands.
     margin : largest distance by which a blend of n operands exceeds their union, as a multiple of k.
     """
 
     fold: Fold
-    steepness: Callable[[int], float] = lambda n: 1.0
+    steepness: Callable[[int], float | None] = lambda n: None
     margin: Callable[[int], float] = lambda n: 0.25 * levels(n)
 
     def reach(self, n: int, k: Any) -> Expr:
@@ -146,6 +153,7 @@ def _half(n: int) -> float:
 
 
 FAMILIES: dict[str, Callable[[int], Family]] = {
+    "quadratic": lambda steps: Family(smooth_min),
     "cubic": lambda steps: Family(cubic_min),
     "quartic": lambda steps: Family(quartic_min),
     "circular": lambda steps: Family(circular_min),
@@ -159,4 +167,4 @@ FAMILIES: dict[str, Callable[[int], Family]] = {
     "stairs": lambda steps: Family(stairs(steps), margin=_half),
     "columns": lambda steps: Family(columns(steps), _diagonal, _half),
 }
-"""All families except the quadratic, by the value of `blend=`; stairs and columns depend on their number."""
+"""All families, by the value of `blend=`; stairs and columns depend on their number."""

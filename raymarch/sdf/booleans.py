@@ -11,11 +11,10 @@ from typing import Any
 
 from raymarch.errors import SceneError
 from raymarch.expr.convert import choice, described, short
-from raymarch.expr.function import function
 from raymarch.expr.node import Expr
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import max, min
-from raymarch.sdf.blends import FAMILIES, levels
+from raymarch.sdf.blends import FAMILIES
 from raymarch.sdf.definition import Child, ChildFacts, combination
 from raymarch.sdf.domain import Count, Positive, Scalar, Word, as_operand
 from raymarch.sdf.facts import Exactness, Facts, disjoint, worst
@@ -32,13 +31,6 @@ def balanced(values: Sequence[Expr], fold: Fold) -> Expr:
     while len(row) > 1:
         row = [fold(*row[i : i + 2]) if i + 1 < len(row) else row[i] for i in range(0, len(row), 2)]
     return row[0]
-
-
-@function(a=FLOAT, b=FLOAT, k=FLOAT)
-def smooth_min(a: Expr, b: Expr, k: Expr) -> Expr:
-    """Quadratic smooth minimum: min(a, b) where |a - b| >= k, smooth_min(a, a, k) = a - k/4."""
-    h = max(k - abs(a - b), 0.0) / k
-    return min(a, b) - h * h * k * 0.25
 
 
 def hull(children: Sequence[ChildFacts], **_: Any) -> tuple[Expr, Expr]:
@@ -104,40 +96,10 @@ def hard_difference(p: Expr, children: Sequence[Child]) -> Expr:
     return max(children[0](p), -balanced([child(p) for child in children[1:]], min))
 
 
-@combination(
-    bounds=lambda children, k: _grown(children, levels(len(children)) * 0.25 * k),
-    spread=widest,
-    dimension="any",
-    called="union",
-)
-def smooth_union(p: Expr, children: Sequence[Child], k: Positive) -> Expr:
-    """Smooth union of solids, joined by a fillet."""
-    return balanced([child(p) for child in children], lambda a, b: smooth_min(a, b, k))
+# Smooth: one definition for each operation, the family is a static parameter.
 
 
-@combination(bounds=_overlap, spread=widest, cuts=True, dimension="any", called="intersection")
-def smooth_intersection(p: Expr, children: Sequence[Child], k: Positive) -> Expr:
-    """Smooth intersection of solids: new edges are rounded."""
-    return -balanced([-child(p) for child in children], lambda a, b: smooth_min(a, b, k))
-
-
-@combination(
-    bounds=first,
-    spread=spread_of_first,
-    cuts=True,
-    dimension="any",
-    called="difference",
-)
-def smooth_difference(p: Expr, children: Sequence[Child], k: Positive) -> Expr:
-    """Smooth difference: the first solid without the others, new edges rounded."""
-    tools = balanced([child(p) for child in children[1:]], lambda a, b: smooth_min(a, b, k))
-    return -smooth_min(-children[0](p), tools, k)
-
-
-# The other families: one definition for each operation, the family is a static parameter.
-
-
-def _slope(children: Sequence[ChildFacts], family: str, steps: int) -> float:
+def _slope(children: Sequence[ChildFacts], family: str, steps: int) -> float | None:
     return FAMILIES[family](steps).steepness(len(children))
 
 
@@ -153,8 +115,8 @@ def _fold(k: Scalar, family: str, steps: int) -> Fold:
     dimension="any",
     called="union",
 )
-def blended_union(p: Expr, children: Sequence[Child], k: Positive, family: Word, steps: Count) -> Expr:
-    """Union of solids, joined by one of the families of blends."""
+def smooth_union(p: Expr, children: Sequence[Child], k: Positive, family: Word, steps: Count) -> Expr:
+    """Smooth union of solids, joined by a fillet or another shape."""
     return balanced([child(p) for child in children], _fold(k, family, steps))
 
 
@@ -166,8 +128,8 @@ def blended_union(p: Expr, children: Sequence[Child], k: Positive, family: Word,
     dimension="any",
     called="intersection",
 )
-def blended_intersection(p: Expr, children: Sequence[Child], k: Positive, family: Word, steps: Count) -> Expr:
-    """Intersection of solids, new edges shaped by one of the families of blends."""
+def smooth_intersection(p: Expr, children: Sequence[Child], k: Positive, family: Word, steps: Count) -> Expr:
+    """Smooth intersection of solids: new edges are rounded, or shaped."""
     return -balanced([-child(p) for child in children], _fold(k, family, steps))
 
 
@@ -179,21 +141,16 @@ def blended_intersection(p: Expr, children: Sequence[Child], k: Positive, family
     dimension="any",
     called="difference",
 )
-def blended_difference(p: Expr, children: Sequence[Child], k: Positive, family: Word, steps: Count) -> Expr:
-    """Difference: the first solid without the others, new edges shaped by one of the families of blends."""
+def smooth_difference(p: Expr, children: Sequence[Child], k: Positive, family: Word, steps: Count) -> Expr:
+    """Smooth difference: the first solid without the others, new edges rounded, or shaped."""
     fold = _fold(k, family, steps)
     return -fold(-children[0](p), balanced([child(p) for child in children[1:]], fold))
 
 
-BLENDS = ("quadratic", *FAMILIES)
-
-
-def _choose(
-    name: str, nodes: tuple[Node, ...], k: Any, blend: str, steps: int, hard: Any, smooth: Any, blended: Any
-) -> Node:
+def _choose(name: str, nodes: tuple[Node, ...], k: Any, blend: str, steps: int, hard: Any, smooth: Any) -> Node:
     if len(nodes) < 1:
         raise SceneError(f"{name} of no nodes", legal="one node or more")
-    blend = choice(f"{name}: blend", blend, tuple(BLENDS))
+    blend = choice(f"{name}: blend", blend, tuple(FAMILIES))
     width = as_operand(f"{name}: k", k, "a number >= 0; 0 gives the hard operation")
     if width.is_constant and width.type is FLOAT and not float(width.data) >= 0.0:
         raise SceneError(f"{name}: k = {short(k)}", legal="a number >= 0; 0 gives the hard operation")
@@ -205,7 +162,7 @@ def _choose(
         nodes = tuple({id(node): node for node in nodes}.values())
     if len(nodes) == 1:
         return nodes[0]
-    made: Node = hard(nodes) if sharp else smooth(nodes, k) if blend == "quadratic" else blended(nodes, k, blend, steps)
+    made: Node = hard(nodes) if sharp else smooth(nodes, k, blend, steps)
     return made
 
 
@@ -225,13 +182,13 @@ def union(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 
 
     Exact outside if the operands are exact. A "bound" as a whole, because inside overlapping solids it is not exact.
     """
-    return _choose("union", nodes, k, blend, steps, hard_union, smooth_union, blended_union)
+    return _choose("union", nodes, k, blend, steps, hard_union, smooth_union)
 
 
 @method
 def intersection(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
     """Intersection: `a & b`, or with rounded new edges for k > 0. See `union` for k and blend."""
-    return _choose("intersection", nodes, k, blend, steps, hard_intersection, smooth_intersection, blended_intersection)
+    return _choose("intersection", nodes, k, blend, steps, hard_intersection, smooth_intersection)
 
 
 @method
@@ -241,4 +198,4 @@ def difference(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: i
     A cut surface has the material of the subtracted solid if it has one, else that of the first solid. See `union` for
     k and blend.
     """
-    return _choose("difference", nodes, k, blend, steps, hard_difference, smooth_difference, blended_difference)
+    return _choose("difference", nodes, k, blend, steps, hard_difference, smooth_difference)

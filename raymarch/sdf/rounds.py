@@ -32,7 +32,7 @@ from raymarch.expr.vocabulary import (
     vec3,
     where,
 )
-from raymarch.sdf.booleans import smooth_min
+from raymarch.sdf.blends import smooth_min
 from raymarch.sdf.definition import cube, shape
 from raymarch.sdf.domain import (
     Acute,

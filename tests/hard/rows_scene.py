@@ -14,8 +14,7 @@ from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import acos, asin, atan2, pow, smoothstep, sqrt
 from raymarch.plan import explain, plan
 from raymarch.sdf import repeat, repeat_varied, transform
-from raymarch.sdf.blends import exponential_min
-from raymarch.sdf.booleans import BLENDS
+from raymarch.sdf.blends import FAMILIES, exponential_min
 from raymarch.sdf.domain import Domain
 from raymarch.sdf.noise import hash
 from tests.hard.world import ULP, Figure, World, bytes_off, case, refusals, steepest
@@ -123,7 +122,7 @@ def exponential(world: World) -> Iterator[Figure]:
 @case(14, "power blend")
 def power_blend(world: World) -> Iterator[Figure]:
     """It overflows, is NaN for negative distances and does not blend on the surface. It is not offered."""
-    yield Figure("families of that name", "power" in BLENDS, 0, "not offered")
+    yield Figure("families of that name", "power" in FAMILIES, 0, "not offered")
     yield refusals((lambda: rm.union(*BOTH, k=0.1, blend="power"), ("blend = 'power'", "quadratic", "root")))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import raymarch as rm
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.derivative import companion
-from raymarch.sdf.booleans import BLENDS
+from raymarch.sdf.blends import FAMILIES
 from raymarch.sdf.lower import lower
 from tests.hard.world import Figure, World, case, view_of
 from tests.support.analytic import angles, points
@@ -50,7 +50,7 @@ def planes_of_symmetry(world: World) -> Iterator[Figure]:
     middle = size[0] // 2
     view = view_of((0.0, 0.6, 4.0), (0.0, 0.0, 0.0), 30.0, size)
     turned, seen_pixels, unequal = 0.0, 0, 0.0
-    for family in BLENDS:
+    for family in FAMILIES:
         node = rm.union(*_mirrored(PART), k=0.6, blend=family)
         lit = rm.Scene(node, camera_of(view), lights=[rm.Sun((0, 0.3, 1))])
         frame = world.draw(lit, size, outputs=("depth", "normal", "color"))

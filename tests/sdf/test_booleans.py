@@ -13,8 +13,7 @@ from raymarch.expr.arrays import evaluator
 from raymarch.expr.function import trace
 from raymarch.expr.types import FLOAT
 from raymarch.sdf import Node, box, capsule, difference, intersection, sphere, torus, union
-from raymarch.sdf.blends import FAMILIES
-from raymarch.sdf.booleans import BLENDS, smooth_min
+from raymarch.sdf.blends import FAMILIES, smooth_min
 from tests.support.refusals import refused
 
 POINTS = np.random.default_rng(1).uniform(-2, 2, (4000, 3))
@@ -229,8 +228,8 @@ def test_refused_with_value_range_and_line(name: str) -> None:
 
 
 def test_every_blend_is_offered_by_name() -> None:
-    assert "quadratic" in BLENDS
-    for name in BLENDS:
+    assert "quadratic" in FAMILIES
+    for name in FAMILIES:
         assert union(A, B, k=0.1, blend=name).distance((0, 0, 0)) < 0
 
 

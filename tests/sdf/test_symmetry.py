@@ -13,7 +13,6 @@ from raymarch.expr.derivative import gradient
 from raymarch.expr.types import FLOAT
 from raymarch.sdf import Node
 from raymarch.sdf.blends import FAMILIES
-from raymarch.sdf.booleans import BLENDS, smooth_min
 from tests.support.one_sided import SURE, limits, mirrored_fields, on_the_plane
 
 
@@ -26,12 +25,12 @@ def test_the_gradient_is_the_limit_from_both_sides_or_lies_between_them(name: st
     assert seen.missed(node.gradient(points))[seen.sure].max() < 1e-6
 
 
-@pytest.mark.parametrize("family", BLENDS)
+@pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize("k", [0.1, 1.0])
 def test_partial_derivatives_of_a_fold_at_ties(family: str, k: float) -> None:
     """Where both are equal, and where one is the radius of a fillet: materials take the same weights."""
     a, b, width = var("a", FLOAT), var("b", FLOAT), var("k", FLOAT)
-    fold = smooth_min if family == "quadratic" else FAMILIES[family](4).fold
+    fold = FAMILIES[family](4).fold
     radius = k if family == "round" else k * 0.25 / (np.sqrt(2.0) - 1.0)
     made = fold(a, b, width)
     value = evaluator([made], [a, b, width])

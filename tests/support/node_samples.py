@@ -47,7 +47,7 @@ from raymarch.sdf import (
     union,
     wrap_around,
 )
-from raymarch.sdf.booleans import BLENDS
+from raymarch.sdf.blends import FAMILIES
 from raymarch.sdf.definition import REGISTRY, Definition, cube
 from raymarch.sdf.domain import Domain, Positive
 from raymarch.sdf.lower import lower
@@ -244,18 +244,22 @@ _shearing = np.array([[1.5, 0.4, 0.0, 0.0], [0.0, 0.7, 0.3, 0.0], [0.1, 0.0, -1.
 def _blends(combine: Callable[..., Node], dimension: int, families: Sequence[str]) -> dict[str, Callable[[], Node]]:
     """Each family by its name; its other parameters belong to the family."""
     kinds = list(CHILDREN[dimension].values())
-    return {name: lambda name=name: combine(kinds[0](), kinds[1](), kinds[3](), k=0.3, blend=name) for name in families}
+    some = {name: kinds if name == "quadratic" else (*kinds[:2], kinds[3]) for name in families}
+    return {
+        name: lambda name=name, made=made: combine(*(kind() for kind in made), k=0.3, blend=name)
+        for name, made in some.items()
+    }
 
 
-_families = [name for name in BLENDS if name != "quadratic"]
+_families = list(FAMILIES)
 
 SPECIAL: dict[str, dict[str, Callable[[], Node]]] = {
-    "blended_union": _blends(union, 3, _families),
-    "blended_union_2d": _blends(union, 2, _families[:1]),
-    "blended_intersection": _blends(intersection, 3, _families[::2]),
-    "blended_intersection_2d": _blends(intersection, 2, _families[:1]),
-    "blended_difference": _blends(difference, 3, _families[1::2]),
-    "blended_difference_2d": _blends(difference, 2, _families[:1]),
+    "smooth_union": _blends(union, 3, _families),
+    "smooth_union_2d": _blends(union, 2, _families[:2]),
+    "smooth_intersection": _blends(intersection, 3, ["quadratic", *_families[1::2]]),
+    "smooth_intersection_2d": _blends(intersection, 2, _families[:2]),
+    "smooth_difference": _blends(difference, 3, _families[::2]),
+    "smooth_difference_2d": _blends(difference, 2, _families[:2]),
     "affine": {
         "rigid": lambda: transform(_kind["brick"](), _slanting),
         "rigid bitten": lambda: transform(_kind["bitten"](), _slanting),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import raymarch as rm
 from raymarch.expr.vocabulary import length, max, min, vec2
 from raymarch.sdf import Node
-from raymarch.sdf.booleans import BLENDS
+from raymarch.sdf.blends import FAMILIES
 from raymarch.sdf.definition import combination
 
 Array = NDArray[np.float64]
@@ -104,7 +104,7 @@ def _aside() -> Node:
 
 def mirrored_fields() -> Iterator[tuple[str, Callable[[], Node]]]:
     """Every family and operator of two mirrored solids, of four, and nested; and what else is symmetric about x = 0."""
-    for family in BLENDS:
+    for family in FAMILIES:
         for k in (0.15, 0.6):
             how: dict[str, Any] = {"k": k, "blend": family}
             name = f"{family} {k}"
