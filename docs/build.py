@@ -90,9 +90,9 @@ SPECIMENS: dict[str, Callable[[], Node]] = {
     "mirror_across": lambda: rm.capsule((0.2, -0.5, 0), (1, 0.6, 0.2), 0.25).mirror("x"),
     "labelled": lambda: brick().material(rm.Material(color=(0.2, 0.5, 0.8))),
     "repeat_cells": lambda: rm.box(0.5).round(0.05).repeat(0.8, 3),
-    "blended_union": lambda: rm.union(*pair(), k=0.5, blend="stairs"),
-    "blended_intersection": lambda: rm.intersection(*pair(), k=0.3, blend="chamfer"),
-    "blended_difference": lambda: rm.difference(*pair(), k=0.3, blend="columns"),
+    "smooth_union stairs": lambda: rm.union(*pair(), k=0.5, blend="stairs"),
+    "smooth_intersection chamfer": lambda: rm.intersection(*pair(), k=0.3, blend="chamfer"),
+    "smooth_difference columns": lambda: rm.difference(*pair(), k=0.3, blend="columns"),
     "pipe_along": lambda: rm.pipe(*pair(), 0.1) | pair()[0],
     "engraved": lambda: rm.engrave(*pair(), 0.1),
     "grooved": lambda: rm.groove(*pair(), 0.15, 0.12),
@@ -118,7 +118,8 @@ SPECIMENS: dict[str, Callable[[], Node]] = {
     "round": lambda: brick().round(0.25),
     "shell": lambda: brick().shell(0.15) - rm.box(2).translate((0.7, 0.8, 1)),
 }
-"""A specimen of each operator, by the name of its definition; shapes are shown with their default parameters."""
+"""A specimen of each operator, by the name of its definition, and further ones, by that name and a word; shapes are
+shown with their default parameters."""
 
 
 def definitions() -> list[Definition]:
@@ -130,11 +131,16 @@ def definitions() -> list[Definition]:
     return sorted(own, key=lambda d: (order.index(Path(d.where.file).stem), d.where.line))
 
 
-def specimen(definition: Definition) -> Node | None:
+def specimens(definition: Definition) -> list[str]:
+    """The names of the specimens of a definition."""
+    return [definition.name, *(name for name in SPECIMENS if name.startswith(f"{definition.name} "))]
+
+
+def specimen(definition: Definition, name: str) -> Node | None:
     """An example node of a definition; None if it cannot be made without arguments."""
     try:
-        if definition.name in SPECIMENS:
-            return SPECIMENS[definition.name]()
+        if name in SPECIMENS:
+            return SPECIMENS[name]()
         if definition.arity == "none":
             return definition.make((), (), {})
         if definition.arity == "one":
@@ -179,9 +185,9 @@ CAPTIONS = {
     "smooth_union": "union k=0.5",
     "smooth_intersection": "intersection k=0.3",
     "smooth_difference": "difference k=0.3",
-    "blended_union": 'union "stairs"',
-    "blended_intersection": 'intersection "chamfer"',
-    "blended_difference": 'difference "columns"',
+    "smooth_union stairs": 'union "stairs"',
+    "smooth_intersection chamfer": 'intersection "chamfer"',
+    "smooth_difference columns": 'difference "columns"',
     "folded_solid": "fold_fractal of a solid",
     "scale_axes": "scale by axis",
     "turn": "rotate (flat)",
@@ -189,10 +195,10 @@ CAPTIONS = {
 """The captions of nodes that share a name with another."""
 
 
-def label(definition: Definition) -> str:
-    """The caption of a node's picture: the name that a user calls."""
-    name = PUBLIC[definition.name][0] if definition.name in PUBLIC else definition.called
-    return CAPTIONS.get(definition.name, name)
+def label(definition: Definition, name: str) -> str:
+    """The caption of a specimen's picture: the name that a user calls."""
+    called = PUBLIC[definition.name][0] if definition.name in PUBLIC else definition.called
+    return CAPTIONS.get(name, called)
 
 
 def calls(definition: Definition) -> list[str]:
@@ -211,9 +217,9 @@ def _call(name: str, function: Callable[..., object], skip: int = 0) -> str:
     return f"{name}{signature.replace(parameters=shown, return_annotation=signature.empty)}"
 
 
-def row(definition: Definition) -> str:
+def row(definition: Definition, name: str) -> str:
     """One row of the table."""
-    node = specimen(definition)
+    node = specimen(definition, name)
     first = definition.doc.splitlines()[0].rstrip(".").replace("|", "\\|")
     facts = "—"
     if node is not None:
@@ -222,9 +228,14 @@ def row(definition: Definition) -> str:
         facts = f"{node.exactness} | {node.facts.divisor:.3g} | {extent}"
     else:
         facts = "— | — | —"
-    picture = f"![{label(definition)}](pictures/nodes/{definition.name}.png)" if node is not None else ""
+    picture = f"![{label(definition, name)}](pictures/nodes/{file_of(name)})" if node is not None else ""
     call = ", ".join(f"`{text}`" for text in calls(definition))
     return f"| {picture} | {call} | {first} | {facts} |"
+
+
+def file_of(name: str) -> str:
+    """The name of the file of a specimen's picture."""
+    return f"{name.replace(' ', '_')}.png"
 
 
 def page() -> str:
@@ -246,7 +257,7 @@ def page() -> str:
     for title, group in grouped(definitions()):
         text += ["", f"## {title}", ""]
         text += ["| | call | | exactness | divisor | extents |", "|---|---|---|---|---|---|"]
-        text += [row(definition) for definition in group]
+        text += [row(definition, name) for definition in group for name in specimens(definition)]
     return "\n".join(text) + "\n"
 
 
@@ -318,21 +329,21 @@ def pictures(names: Collection[str] = ()) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     drawn: dict[str, Image.Image] = {}
     with rm.Renderer(SIZE) as renderer:
-        for definition in definitions():
-            node = specimen(definition)
-            file = folder / f"{definition.name}.png"
+        for definition, name in ((d, name) for d in definitions() for name in specimens(d)):
+            node = specimen(definition, name)
+            file = folder / file_of(name)
             if node is None:
                 continue
             if not names or definition.name in names or not file.exists():
                 paletted(draw(node, renderer)).save(file, optimize=True)
-            drawn[definition.name] = Image.open(file).convert("RGB")
+            drawn[name] = Image.open(file).convert("RGB")
     sheet([d for d in definitions() if d.name in drawn], drawn).save(HERE / "pictures" / "nodes.png", optimize=True)
 
 
 def sheet(shown: Sequence[Definition], drawn: Mapping[str, Image.Image]) -> Image.Image:
     """All pictures with their captions, by section."""
     width, height = SIZE[0], SIZE[1] + CAPTION
-    groups = grouped(shown)
+    groups = [(title, [(d, name) for d in group for name in specimens(d)]) for title, group in grouped(shown)]
     rows = sum(-(-len(group) // COLUMNS) for _, group in groups)
     made = Image.new("RGB", (COLUMNS * width, rows * height + len(groups) * HEADING), "white")
     pen = ImageDraw.Draw(made)
@@ -341,10 +352,10 @@ def sheet(shown: Sequence[Definition], drawn: Mapping[str, Image.Image]) -> Imag
     for title, group in groups:
         pen.text((8, top + 6), title, fill=(30, 36, 48), font=heading)
         top += HEADING
-        for i, definition in enumerate(group):
+        for i, (definition, name) in enumerate(group):
             x, y = i % COLUMNS * width, top + i // COLUMNS * height
-            made.paste(drawn[definition.name], (x, y))
-            pen.text((x + 8, y + SIZE[1]), label(definition), fill=(30, 36, 48), font=caption)
+            made.paste(drawn[name], (x, y))
+            pen.text((x + 8, y + SIZE[1]), label(definition, name), fill=(30, 36, 48), font=caption)
         top += -(-len(group) // COLUMNS) * height
     return paletted(made)
 

@@ -244,11 +244,7 @@ _shearing = np.array([[1.5, 0.4, 0.0, 0.0], [0.0, 0.7, 0.3, 0.0], [0.1, 0.0, -1.
 def _blends(combine: Callable[..., Node], dimension: int, families: Sequence[str]) -> dict[str, Callable[[], Node]]:
     """Each family by its name; its other parameters belong to the family."""
     kinds = list(CHILDREN[dimension].values())
-    some = {name: kinds if name == "quadratic" else (*kinds[:2], kinds[3]) for name in families}
-    return {
-        name: lambda name=name, made=made: combine(*(kind() for kind in made), k=0.3, blend=name)
-        for name, made in some.items()
-    }
+    return {name: lambda name=name: combine(kinds[0](), kinds[1](), kinds[3](), k=0.3, blend=name) for name in families}
 
 
 _families = list(FAMILIES)
