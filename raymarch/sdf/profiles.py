@@ -14,13 +14,12 @@ from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import clamp, cos, length, max, min, sin, sqrt, square, vec2, vec3, where
-from raymarch.expr.walk import find
 from raymarch.sdf.booleans import hull, widest
 from raymarch.sdf.definition import Child, ChildFacts, combination, operator
 from raymarch.sdf.domain import Domain, Length, Positive, Scalar, Word, shown
 from raymarch.sdf.facts import Exactness, Facts
-from raymarch.sdf.lower import lower
 from raymarch.sdf.node import Node, method
+from raymarch.sdf.transition import largest_difference
 
 # Extrusion
 
@@ -125,28 +124,7 @@ def extrude_to(node: Node, other: Node, height: Scalar = 1.0, easing: str = "smo
             raise SceneError(f"extrude_to of {short(each)}", legal="two flat shapes, such as circle() and rectangle()")
         if not each.facts.bounded:
             raise SceneError(f"extrude_to: {each.name} is unbounded", legal="flat shapes that are bounded")
-    return loft([node, other], height, _widest_gap(node, other), easing)
-
-
-def _widest_gap(node: Node, other: Node) -> float:
-    """An upper bound of the difference of two flat fields where one of them is negative.
-
-    Elsewhere it does not matter for the solid. Both fields are 1-Lipschitz, so between samples their difference
-    changes by at most twice the distance. For shapes with parameters the bound follows from their boxes: a positive
-    field is at most the distance to the farthest point of its box, and a negative one at least minus half the smaller
-    side.
-    """
-    a, b = node.facts, other.facts
-    low, high = np.minimum(a.lower, b.lower), np.maximum(a.upper, b.upper)
-    smallest = 1e-6 * float((high - low).max()) or 1e-6
-    if find([lower(node).body, lower(other).body], "param", "time"):
-        deepest = 0.5 * float(np.maximum(a.size.min(), b.size.min()))
-        return float(np.linalg.norm(high - low)) + np.maximum(deepest, smallest)
-    n = 128
-    x, y = (np.linspace(start, end, n) for start, end in zip(low, high, strict=True))
-    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    between = float(np.linalg.norm((high - low) / (n - 1)))  # twice half a cell's diagonal
-    return float(np.abs(node.distance(points) - other.distance(points)).max()) + np.maximum(between, smallest)
+    return loft([node, other], height, largest_difference(node, other), easing)
 
 
 # Revolution

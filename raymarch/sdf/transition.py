@@ -83,30 +83,31 @@ def transition(a: Node, b: Node, start: Vector, end: Vector) -> Node:
     ends = tuple(as_operand(f"transition: {n}", v, "3 numbers") for n, v in (("start", start), ("end", end)))
     if ends[0] is ends[1]:
         raise SceneError(f"transition: start = end = {short(start)}", legal="two different points")
-    return transition_between((a, b), start, end, _largest_difference(a, b))
+    return transition_between((a, b), start, end, largest_difference(a, b))
 
 
-GRID = 24
-"""Points along each edge at which the two distances are compared."""
+POINTS = 2**14
+"""Points of the grid on which the two distances are compared, about."""
 
 
-def _largest_difference(a: Node, b: Node) -> float:
-    """A bound of |b - a| where a and b differ in sign.
+def largest_difference(a: Node, b: Node) -> float:
+    """A bound of |b - a| where a and b differ in sign. Elsewhere a mix of both has their sign, whatever the difference.
 
     Both are 1-Lipschitz and no larger than the distance to the surface. A ball in one solid and the nearest point of
     the other lie in the box of both, so its diagonal is a bound. Values on a grid, if available, give a tighter one.
     """
     lower, upper = np.minimum(a.bounds[0], b.bounds[0]), np.maximum(a.bounds[1], b.bounds[1])
     diagonal = float(np.linalg.norm(upper - lower)) or 1.0
-    steps = [np.linspace(low, high, GRID) for low, high in zip(lower, upper, strict=True)]
-    points = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
+    edge = round(POINTS ** (1.0 / len(lower)))
+    steps = [np.linspace(low, high, edge) for low, high in zip(lower, upper, strict=True)]
+    points = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, len(lower))
     try:
         if find([lower_field(node).body for node in (a, b)], "param", "time"):
             return diagonal
         da, db = a.distance(points), b.distance(points)
     except SceneError:  # it depends on the index of a cell, or is GLSL without a twin
         return diagonal
-    spacing = 0.5 * diagonal / (GRID - 1)  # from any point of the box to the nearest of the grid
+    spacing = 0.5 * diagonal / (edge - 1)  # from any point of the box to the nearest of the grid
     mixed = (np.minimum(da, db) <= spacing) & (np.maximum(da, db) >= -spacing)
     largest = float(np.max(np.abs(db - da)[mixed], initial=0.0)) + 2.0 * spacing
     return float(np.minimum(largest, diagonal))
