@@ -20,7 +20,7 @@ from raymarch.expr.convert import choice, short, switch
 from raymarch.expr.function import function
 from raymarch.expr.limits import Limit, limited
 from raymarch.expr.node import Expr, const, expr, var
-from raymarch.expr.types import FLOAT, VEC2, VEC3, struct
+from raymarch.expr.types import BOOL, FLOAT, VEC2, VEC3, struct
 from raymarch.expr.vocabulary import (
     clamp,
     cos,
@@ -122,14 +122,16 @@ def pdf_disc(light: Expr, width: Expr, direction: Expr) -> Expr:
     return max(dot(get(light, "direction"), direction), 0.0) / (math.pi * max(limit * limit, SMALLEST))
 
 
-@function(pdf=FLOAT, other=FLOAT)
-def balance_heuristic(pdf: Expr, other: Expr) -> Expr:
-    """The weight of a direction that is sampled with a density, if directions of another density are sampled too.
+@function(lobe=BOOL, of_light=FLOAT, of_lobes=FLOAT)
+def power_heuristic(lobe: Expr, of_light: Expr, of_lobes: Expr) -> Expr:
+    """The factor of the light that a sample of a light has alone, if directions of lobes are sampled too.
 
-    Veach and Guibas (1995). With the weight p / (p + q) a sample of q adds f / q * q / (p + q) = f / p * p / (p + q):
-    both kinds of samples add the same, the value that samples of p have alone times this weight.
+    The weights of Veach and Guibas (1995) with exponent 2, of the densities p of the light and q of the lobes. A sample
+    of the light counts p^2 / (p^2 + q^2). A sample of the lobes counts q^2 / (p^2 + q^2), and has p / q times the value
+    of a sample of the light in that direction. lobe : whether it is a sample of the lobes.
     """
-    return 1.0 / (1.0 + other / max(pdf, SMALLEST))
+    ratio = min(of_lobes / max(of_light, SMALLEST), 1.0 / SHORTEST)
+    return where(lobe, ratio, 1.0) / (1.0 + ratio * ratio)
 
 
 PENUMBRAS = ("two-sided", "cone", "triangulated", "sampled")
@@ -468,8 +470,8 @@ class RectLight(Light):
     """Light from one side of a rectangle. The rectangle itself is not visible.
 
     One random point of it lights each sample, so its light and shadow are exact but noisy: it needs
-    `Quality(samples=...)` or several frames. In scenes with physical materials smoother than a roughness of 0.5, one
-    random direction of the highlight is sampled too, and both are weighted by the balance heuristic (Veach and Guibas
+    `Quality(samples=...)` or several frames. In scenes with physical materials smoother than a roughness of 0.4, one
+    random direction of the highlight is sampled too, and both are weighted by the power heuristic (Veach and Guibas
     1995).
 
     Parameters

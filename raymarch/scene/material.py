@@ -36,9 +36,10 @@ SMOOTH = 0.1
 """Roughness up to which Whitted ray tracing treats a surface as a mirror: its lobe is then about two pixels wide. Above
 it the weight of the reflection falls linearly to 0 at twice this roughness, so that roughness maps show no edges."""
 
-GLOSSY = 0.5
-"""Roughness below which the highlights of lights with an area are sampled by the lobes too: those of rougher surfaces
-are so wide that points of the light alone give less noise for the time."""
+GLOSSY = 0.4
+"""Roughness below which highlights of lights with an area are sampled by the lobes too. For rougher surfaces, points of
+the light alone give less noise for the time: directions of the lobes lower the variance by less than half, even under a
+light as wide as half its distance, and take up to twice the shadow rays."""
 
 GLASS = ("transmission", "ior", "absorption")
 COAT = ("clearcoat", "clearcoat_roughness")

@@ -17,9 +17,9 @@ from raymarch.scene.light import (
     POINT,
     SAMPLE,
     Light,
-    balance_heuristic,
     eval_disc,
     pdf_disc,
+    power_heuristic,
     sample_disc,
 )
 from raymarch.scene.scene import Scene
@@ -38,7 +38,7 @@ def all_lights(text: Lines, plan: Plan, values: Values, reflection: Reflection) 
         values.functions += [f for f in (form.function, *((form.met, form.pdf) if met else ())) if f is not None]
     if "sampled" in table.kinds:
         values.functions += [sample_disc, *((eval_disc, pdf_disc) if any(light.soft for light in both) else ())]
-    values.functions += [balance_heuristic] if both else []
+    values.functions += [power_heuristic] if both else []
     if lights.as_data(plan.scene):
         _loop(text, plan, reflection)
         return
@@ -136,7 +136,7 @@ def _disc(centre: str, width: str) -> tuple[str, str]:
 def _weighted(texts: tuple[str, str], number: str, before: int, reflection: Reflection) -> list[str]:
     """The lines that replace each second sample of a light by one of the lobes, and weigh both.
 
-    Both have the weight of the light's samples, see `balance_heuristic`.
+    See `power_heuristic`.
 
     texts : of `_met` or `_disc`. number : of the sample among those of all lights. before : number of random dimensions
         of the points of lights.
@@ -149,8 +149,7 @@ def _weighted(texts: tuple[str, str], number: str, before: int, reflection: Refl
         f"    vec3 direction = {reflection.sample_lobes()};",
         f"    light = {met};",
         "}",
-        f"float density = {reflection.pdf_lobes()};",
-        f"light.radiance *= lobe && density == 0.0 ? 0.0 : balance_heuristic({pdf}, density);",
+        f"light.radiance *= power_heuristic(lobe, {pdf}, {reflection.pdf_lobes()});",
     ]
 
 

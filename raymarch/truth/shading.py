@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.expr.arrays import SMALLEST
 from raymarch.scene.bsdf import BSDF, bsdf_of, samples_both
-from raymarch.scene.light import Light, PointLight
+from raymarch.scene.light import Light, PointLight, power_heuristic
 from raymarch.scene.parameter import Values
 from raymarch.scene.relief import shading_normal
 from raymarch.scene.scene import Scene
@@ -238,8 +237,7 @@ class Surface:
         def reflected(incident: Incoming, sampled: bool) -> Array:
             """The weighted light of a sample of the light, or of the lobes."""
             other = lobe_density(*frame, incident.direction)
-            weight = 1.0 / (1.0 + other / np.maximum(density(incident), SMALLEST))
-            weight = np.where(sampled | (other > 0.0), weight, 0.0)
+            weight = values_of(power_heuristic, np.full(len(other), not sampled), density(incident), other)
             return self._reflected(light, replace(incident, radiance=weight[:, None] * incident.radiance))
 
         from_light = sum((reflected(part, True) for part in samples), np.zeros_like(points)) / count
