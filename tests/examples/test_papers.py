@@ -87,3 +87,9 @@ def test_the_pieces_of_chess_are_rows() -> None:
     """As text they would compile for half a minute."""
     found = plan(load(FOLDER.parent / "showcase" / "chess.py"))
     assert found.gathered.data >= 12 and found.gathered.text <= 3
+
+
+def test_the_plates_sample_lamps_and_reflections() -> None:
+    showcase = FOLDER.parent / "showcase"
+    assert "power_heuristic" in assemble(plan(load(showcase / "plates.py"))).text()
+    assert "power_heuristic" not in assemble(plan(load(showcase / "neon.py"))).text()
