@@ -44,8 +44,9 @@ def exact_distance(scene: Scene) -> float:
     """The distance to surfaces up to which effects read the field, so that it must be exact: ambient occlusion, and
     shadows of lights that have a size. Infinite if the reach of ambient occlusion has no limit."""
     found = [0.0]
-    if scene.occlusion is not None:
-        found.append(float(interval_of(scene.occlusion.reach)[1]))
+    occlusion = scene.ambient_occlusion
+    if occlusion is not None and occlusion.reach is not None:
+        found.append(float(interval_of(occlusion.reach)[1]))
     size = largest_size(scene)
     for light in scene.lights:
         if light.soft and light.penumbra != "sampled":

@@ -18,7 +18,7 @@ from raymarch.expr.convert import belongs, described, integer, optional, short
 from raymarch.expr.node import Expr, const
 from raymarch.expr.walk import find
 from raymarch.scene.ambient_occlusion import AmbientOcclusion
-from raymarch.scene.camera import Camera, Pose
+from raymarch.scene.camera import Camera, Pose, framed_box
 from raymarch.scene.fog import Fog
 from raymarch.scene.light import KINDS, Light, Sun, sample_of
 from raymarch.scene.material import Material
@@ -232,6 +232,14 @@ class Scene(Value):
     def subject(self) -> Facts | None:
         """The box around all bounded parts. A camera without a position frames it."""
         return _bounded_part(self.node)
+
+    @property
+    def ambient_occlusion(self) -> AmbientOcclusion | None:
+        """The `occlusion`, with the reach that follows from the size of the scene if none is given."""
+        if self.occlusion is None:
+            return None
+        low, high = framed_box(self.subject)
+        return self.occlusion.within(float(np.linalg.norm(high - low)))
 
     def pose(self, values: Values, aspect: float = 1.0) -> Pose:
         """The camera of one frame; `aspect` is width over height of the picture."""

@@ -122,14 +122,15 @@ def _keep_surface(text: Lines, plan: Plan) -> list[str]:
 def _occlusion_samples(text: Lines, plan: Plan, values: Values) -> None:
     """The loop over some samples of ambient occlusion."""
     scene, samples = plan.scene, plan.occlusion_samples
-    assert scene.occlusion is not None
+    occlusion = scene.ambient_occlusion
+    assert occlusion is not None
     i, missing = var("i", FLOAT), var("missing", FLOAT)
-    sample = scene.occlusion.sample(plan.field, var("u_side", FLOAT), i)
+    sample = occlusion.sample(plan.field, var("u_side", FLOAT), i)
     values.variables.add("u_side")
     values.functions.append(Function("occlusion_sample", (POINT, NORMAL, i), sample, where=scene.where))
-    remaining = scene.occlusion.remaining(missing)
+    remaining = occlusion.remaining(missing)
     values.functions.append(Function("ambient_visibility_of", (missing,), remaining, where=scene.where))
-    decay = values.text("occlusion_decay", scene.occlusion.decay, scene.where)
+    decay = values.text("occlusion_decay", occlusion.decay, scene.where)
     share = "surface.ambient_visibility * " if _occluded_by_map(plan) else ""
     begin, end = as_shadow(plan, "        ")
     text.add(
@@ -203,8 +204,9 @@ def _visibility(text: Lines, plan: Plan, values: Values) -> None:
     scene, shares = plan.scene, _occluded_by_map(plan)
     by = "Material(occlusion=...)" if shares else "Scene(occlusion=...)"
     if occluded(scene, plan.model):
-        assert scene.occlusion is not None
-        visibility = scene.occlusion.visibility(plan.field, var("u_side", FLOAT))
+        occlusion = scene.ambient_occlusion
+        assert occlusion is not None
+        visibility = occlusion.visibility(plan.field, var("u_side", FLOAT))
         values.variables.add("u_side")
         values.functions.append(Function("ambient_occlusion", (POINT, NORMAL), visibility, where=scene.where))
         share = "surface.ambient_visibility * " if shares else ""

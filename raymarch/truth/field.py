@@ -117,7 +117,7 @@ class Field:
 
     def ambient_occlusion(self, points: Array, normals: Array, side: float) -> NDArray[np.float64]:
         """Ambient visibility, (N, 3) -> (N,). normals : unit, (N, 3). side : -1 inside the solid, else 1."""
-        occlusion = self._scene.occlusion
+        occlusion = self._scene.ambient_occlusion
         assert occlusion is not None
         visibility = occlusion.visibility(self._root_of_rays, const(side))
         return self._run(evaluator([visibility], [POINT, NORMAL]), points, (), normals)[0]

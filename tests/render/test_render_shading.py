@@ -7,6 +7,7 @@ import pytest
 
 import raymarch as rm
 from raymarch.gpu import Renderer
+from raymarch.gpu.context import Context
 from raymarch.plan import lights
 from raymarch.scene.parameter import set_values
 from raymarch.truth import silhouettes, truth
@@ -97,3 +98,26 @@ def test_the_ends_of_an_extruded_profile_show_its_material(renderer: Renderer) -
         np.testing.assert_allclose(known.color[part], np.broadcast_to(color, (part.sum(), 3)), atol=1e-9)
     assert np.mean(np.abs(frame.color - known.color)[end].max(axis=-1) > 1e-3) < 0.02
     assert np.mean((frame.material != known.material)[end]) < 0.02
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1e3])
+def test_ambient_occlusion_follows_the_size_of_the_scene(egl: Context, scale: float) -> None:
+    def scene(size: float, **given: float) -> rm.Scene:
+        node = rm.plane(offset=-size) | rm.sphere(size) | rm.box((size, size, size)).translate((1.5 * size, 0, 0))
+        return rm.Scene(
+            node,
+            rm.Camera((0, 3 * size, 5 * size), (0, 0, 0)),
+            lights=[],
+            sky=rm.Sky((1, 1, 1), light=True),
+            occlusion=rm.AmbientOcclusion(**given),
+        )
+
+    with rm.Renderer((32, 18), backend="egl") as renderer:
+        one, other = (renderer.render(scene(size)).color for size in (1.0, scale))
+        fixed = renderer.render(scene(scale, reach=0.5)).color
+    assert np.abs(one - other).max() < 2e-3 < np.abs(one - fixed).max()
+    known = rm.truth(scene(scale), (32, 18), outputs=("color",)).color
+    assert np.median(np.abs(known - other)) < 1e-3
+    ball = rm.Scene(rm.sphere(), occlusion=rm.AmbientOcclusion())
+    assert ball.ambient_occlusion is not None and ball.occlusion is not None
+    assert float(ball.ambient_occlusion.reach.data) == pytest.approx(0.5) and ball.occlusion.reach is None
