@@ -563,17 +563,17 @@ BLOCK = 1 << 14
 @called_by_nodes
 def evaluate_distance(node: Node, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distances in float64; see `Node.distance`."""
-    return _in_blocks(_field_of(node), points, ()).reshape(points.shape[:-1])
+    return _in_blocks(field_of(node), points, ()).reshape(points.shape[:-1])
 
 
 @called_by_nodes
 def evaluate_gradient(node: Node, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Gradients in float64; see `Node.gradient`."""
     size = points.shape[-1]
-    return _in_blocks(companion(_field_of(node)), points, (size + 1,))[..., :size].reshape(points.shape)
+    return _in_blocks(companion(field_of(node)), points, (size + 1,))[..., :size].reshape(points.shape)
 
 
-def _field_of(node: Node) -> Function:
+def field_of(node: Node) -> Function:
     """The field of a node for evaluation: a node is lowered once. Names of variables may be missing."""
     if node._field is None:
         node._field = lower(node)

@@ -5,31 +5,51 @@ Each promise is a function that reads a fact from the node and holds it against 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from functools import lru_cache, partial
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache, partial, reduce
 from itertools import groupby
 from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from raymarch.errors import SceneError
+from raymarch.expr.function import Function
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.types import VECTORS
 from raymarch.gpu.context import Context
 from raymarch.sdf import Node
-from tests.support.glsl_harness import ES, assert_valid, run, shader
+from tests.support.glsl_harness import ES, assert_valid, run_all, shader, text_of
 from tests.support.node_samples import POINTS, SPECIAL, Field, NodeSample, Seen, definitions, look_at, samples
 from tests.support.records import measured
-from tests.support.surface_search import lowest_on_plane, nearest_distance, smooth_differences, thorough_distance, unit
+from tests.support.surface_search import (
+    length,
+    lowest_on_plane,
+    nearest_distance,
+    smooth_differences,
+    thorough_distance,
+    unit,
+)
 
 ULP = float(np.finfo(np.float32).eps)
 
 
 PROMISES: list[Callable[[Seen], None]] = []
 """What is held against the field of each sample, in this order."""
-ON_THE_DRIVER: list[Callable[[Seen, Context], None]] = []
+
+
+@dataclass(frozen=True)
+class Driven:
+    """A sample's field as the driver runs its text, at the first points: values, and gradients with values."""
+
+    values: NDArray[np.float32]
+    gradients: NDArray[np.float32]
+
+
+ON_THE_DRIVER: list[Callable[[Seen, Driven], None]] = []
 """What is held against the text that is printed, as the driver runs it."""
 
 
@@ -38,7 +58,7 @@ def promise(check: Callable[[Seen], None]) -> Callable[[Seen], None]:
     return check
 
 
-def promise_on_the_driver(check: Callable[[Seen, Context], None]) -> Callable[[Seen, Context], None]:
+def promise_on_the_driver(check: Callable[[Seen, Driven], None]) -> Callable[[Seen, Driven], None]:
     ON_THE_DRIVER.append(check)
     return check
 
@@ -67,17 +87,46 @@ def test_promises(chosen: list[NodeSample], egl: Context) -> None:
             broken.append(fault)
             names.append(name)
 
+    seen = [look_at(sample) for sample in chosen]
+    driven: list[Driven | None] = [None] * len(seen)
+
+    def drive() -> None:
+        driven[:] = run_on_the_driver(seen, egl)
+
+    told("the driver takes the text", drive)
     texts: dict[str, str] = {}
-    for sample in chosen:
-        s = look_at(sample)
+    for s, there in zip(seen, driven, strict=True):
         for check in PROMISES:
-            told(f"{sample.id}: {check.__name__}", partial(check, s))
-        for run_there in ON_THE_DRIVER:
-            told(f"{sample.id}: {run_there.__name__}", partial(run_there, s, egl))
-        texts[sample.id] = shader(s.text, "field({0})", [VECTORS[s.node.dimension]], 1, ES)
+            told(f"{s.sample.id}: {check.__name__}", partial(check, s))
+        for check_there in ON_THE_DRIVER if there else ():
+            told(f"{s.sample.id}: {check_there.__name__}", partial(check_there, s, there))
+        texts[s.sample.id] = shader(s.text, "field({0})", [VECTORS[s.node.dimension]], 1, ES)
     told("the text serves ES", partial(assert_valid, texts))
     if broken:
         raise ExceptionGroup("; ".join(names), broken)
+
+
+DRIVEN = 25_000
+"""Points at which the driver evaluates each sample."""
+TOGETHER = 4
+"""Samples in one program: a picture has room for their values and their gradients."""
+
+
+def run_on_the_driver(seen: Sequence[Seen], egl: Context) -> Iterator[Driven]:
+    """The fields of some samples of one definition and their gradients, in as few programs as may be."""
+    for k in range(0, len(seen), TOGETHER):
+        some = seen[k : k + TOGETHER]
+        pairs = [
+            [Function(f"{f.name}_{i}", f.params, f.body, f.names) for f in (s.field.definition, s.field.companion)]
+            for i, s in enumerate(some)
+        ]
+        text = print_functions([f for pair in pairs for f in pair])
+        calls = [(f"{slope.name}({{{i}}})", slope.type.size) for i, (_, slope) in enumerate(pairs)]
+        calls.append((", ".join(f"{field.name}({{{i}}})" for i, (field, _) in enumerate(pairs)), len(pairs)))
+        inputs = [(VECTORS[s.node.dimension], s.points[:DRIVEN]) for s in some]
+        *slopes, values = run_all(egl, text_of(text), calls, inputs, samples=text.samples)
+        values = values.reshape(DRIVEN, len(some))
+        yield from (Driven(values[:, i], slope) for i, slope in enumerate(slopes))
 
 
 TOLERANCE = 2e-3
@@ -117,18 +166,16 @@ def test_every_definition_has_samples() -> None:
 
 
 @promise_on_the_driver
-def glsl_is_the_twin(s: Seen, egl: Context) -> None:
+def glsl_is_the_twin(s: Seen, there: Driven) -> None:
     """float32 on the driver against float64, within 16 ulp of the coordinates or of the solid's size."""
-    text = print_functions([s.field.definition])
-    point = VECTORS[s.node.dimension]
-    values = run(egl, s.text, "field({0})", [(point, s.points)], samples=text.samples)
-    error = np.abs(values - s.values)
+    points = s.points[:DRIVEN]
+    error = np.abs(there.values - s.values[:DRIVEN])
     ulps, _ = TWIN_ULPS.get(s.sample.definition.name, (16.0, ""))
-    allowed = ulps * ULP * np.maximum(np.abs(s.points).max(axis=1), s.field.size)
+    allowed = ulps * ULP * np.maximum(np.abs(points).max(axis=1), s.field.size)
     wrong = ~(error <= allowed)
     assert wrong.mean() <= few_wrong(s.node), (
-        f"{wrong.sum()} of {POINTS} points differ, worst by {np.nanmax(error / allowed) * ulps:.1f} ulp "
-        f"at {s.points[np.argmax(np.nan_to_num(error / allowed, nan=np.inf))]}"
+        f"{wrong.sum()} of {DRIVEN} points differ, worst by {np.nanmax(error / allowed) * ulps:.1f} ulp "
+        f"at {points[np.argmax(np.nan_to_num(error / allowed, nan=np.inf))]}"
     )
 
 
@@ -150,17 +197,11 @@ def gradient_equals_central_differences(s: Seen) -> None:
 
 
 @promise_on_the_driver
-def gradient_on_the_driver(s: Seen, egl: Context) -> None:
+def gradient_on_the_driver(s: Seen, there: Driven) -> None:
     points = s.points[:4000]
     _, smooth = smooth_differences(s.field, points, 1e-4 * s.field.size, 2e-2)
     assert smooth.mean() > least_smooth(s.node), "too few points are smooth to tell anything"
-    text = print_functions([s.field.companion])
-    body = "\n".join(line.text for line in text.lines()) + "\n"
-    declared = "".join(f"uniform sampler{d.dimension}D {name};\n" for name, d in text.samples.items())
-    point = VECTORS[s.node.dimension]
-    size = s.node.dimension + 1
-    values = run(egl, declared + body, "field_gradient({0})", [(point, points)], size, samples=text.samples)
-    error = np.abs(values[:, :-1] - s.gradients[: len(points)]).max(axis=1)[smooth]
+    error = np.abs(there.gradients[: len(points), :-1] - s.gradients[: len(points)]).max(axis=1)[smooth]
     assert np.mean(~(error < 1e-4)) <= 0.005 + few_wrong(s.node), f"off by up to {error.max():.3g}"
 
 
@@ -195,16 +236,15 @@ def never_steeper_than_promised(s: Seen) -> None:
     assert 0 < limit <= 1
     half = POINTS // 2
     points, values = s.points[:half], s.values[:half]
-    steps = random.normal(size=points.shape)
-    steps *= (s.field.size * 10 ** random.uniform(-5, -0.5, half) / np.linalg.norm(steps, axis=1))[:, None]
-    near = points[:20_000] + steps[:20_000]
+    steps = unit(random.normal(size=(20_000, s.node.dimension)))
+    near = points[:20_000] + s.field.size * 10 ** random.uniform(-5, -0.5, (20_000, 1)) * steps
     for other, there in ((s.points[half:], s.values[half:]), (near, s.field.value(near))):
-        distance = np.linalg.norm(other - points[: len(other)], axis=1)
+        distance = length(other - points[: len(other)])
         rise = np.abs(there - values[: len(other)])
         rounding = 64 * np.finfo(np.float64).eps * (np.abs(points).max() + s.field.size)
         worst = np.argmax(rise - limit * distance)
         assert rise[worst] <= limit * distance[worst] * (1 + 1e-9) + rounding, (points[worst], other[worst])
-    slopes = np.linalg.norm(s.gradients, axis=1)
+    slopes = length(s.gradients)
     assert slopes.max() <= limit * (1 + 1e-9)
 
 
@@ -261,7 +301,7 @@ def solid_lies_within_its_bounds(s: Seen) -> None:
     random = np.random.default_rng(13)
     far = random.uniform(s.field.low - 2 * s.field.size, s.field.high + 2 * s.field.size, s.points[:10_000].shape)
     outside = np.any((far < low - slack) | (far > high + slack), axis=1)
-    assert np.all(s.field.value(far)[outside] > 0)
+    assert np.all(s.field.value(far[outside]) > 0)
 
 
 @lru_cache(maxsize=1)
@@ -286,7 +326,7 @@ def small_values_lie_near_the_bounds(s: Seen) -> None:
     assert spread >= 1.0
     assert s.node.exactness != "exact" or spread == 1.0
     low, high = s.node.bounds
-    outside = np.maximum(np.maximum(low - s.points, s.points - high), 0.0).max(axis=1)
+    outside = reduce(np.maximum, np.maximum(low - s.points, s.points - high).T, 0.0)
     assert np.all(outside <= spread * np.maximum(s.values, 1e-12) + 1e-9 * s.field.size)
 
 

@@ -47,18 +47,22 @@ def modules(*names: str, before: str = "", after: str = "", variants: frozenset[
     return "\n".join([before, *parts, after]) + "\n"
 
 
+def _shader(text: str, calls: Sequence[tuple[str, int]], types: Sequence[Type], version: str) -> str:
+    """A fragment shader that stores each call and its components in an output of its own."""
+    samplers = "".join(f"uniform sampler2D harness_input_{i};\n" for i in range(len(types)))
+    outputs = "".join(f"layout(location = {k}) out vec4 harness_output_{k};\n" for k in range(len(calls)))
+    inputs = [f"texelFetch(harness_input_{i}, texel, 0).{_COMPONENTS[t.size - 1]}" for i, t in enumerate(types)]
+    stored = "".join(
+        f"    harness_output_{k} = vec4({call.format(*inputs)}{', 0.0' * (4 - size)});\n"
+        for k, (call, size) in enumerate(calls)
+    )
+    main = f"void main() {{\n    ivec2 texel = ivec2(gl_FragCoord.xy);\n{stored}}}\n"
+    return f"{version}{samplers}{outputs}{text}{main}"
+
+
 def shader(text: str, call: str, types: Sequence[Type], size: int, version: str = DESKTOP) -> str:
     """A fragment shader that stores `call`, in which {0}, {1}, ... stand for the inputs, for each texel."""
-    samplers = "".join(f"uniform sampler2D harness_input_{i};\n" for i in range(len(types)))
-    inputs = [f"texelFetch(harness_input_{i}, texel, 0).{_COMPONENTS[t.size - 1]}" for i, t in enumerate(types)]
-    padding = "".join(", 0.0" for _ in range(4 - size))
-    return (
-        f"{version}{samplers}out vec4 harness_output;\n{text}"
-        "void main() {\n"
-        "    ivec2 texel = ivec2(gl_FragCoord.xy);\n"
-        f"    harness_output = vec4({call.format(*inputs)}{padding});\n"
-        "}\n"
-    )
+    return _shader(text, [(call, size)], types, version)
 
 
 def run(
@@ -84,6 +88,21 @@ def run(
     -------
     float32, shape (N,) for size 1, else (N, size).
     """
+    return run_all(context, text, [(call, size)], inputs, uniforms, samples)[0]
+
+
+def run_all(
+    context: Context,
+    text: str,
+    calls: Sequence[tuple[str, int]],
+    inputs: Sequence[tuple[Type, ArrayLike]],
+    uniforms: Mapping[str, Any] | None = None,
+    samples: Mapping[str, Samples | Texels] | None = None,
+) -> list[NDArray[np.float32]]:
+    """Values of up to eight expressions, each with its components, by one program: see `run`.
+
+    Most of the time that a short program costs is the driver's own, whatever it computes.
+    """
     count = len(np.asarray(inputs[0][1]))
     width = min(count, 1024)
     height = -(-count // width)
@@ -99,15 +118,16 @@ def run(
             made.append(Target(context, (width, height)))
             made[-1].write(texels.reshape(height, width, 4))
             values[f"harness_input_{i}"] = made[-1]
-        made.append(Target(context, (width, height)))
-        source = shader(text, call, [type for type, _ in inputs], size)
-        with Program(context, FULL_SCREEN, source, lambda line: (source.splitlines()[line - 1], None), call) as program:
+        made.append(Target(context, (width, height), len(calls)))
+        source = _shader(text, calls, [type for type, _ in inputs], DESKTOP)
+        name = ", ".join(call for call, _ in calls)
+        with Program(context, FULL_SCREEN, source, lambda line: (source.splitlines()[line - 1], None), name) as program:
             program.draw(made[-1], values)
-            result = made[-1].read().reshape(-1, 4)[:count, :size]
+            read = [made[-1].read(k).reshape(-1, 4)[:count, :size] for k, (_, size) in enumerate(calls)]
     finally:
         for texture in made:
             texture.release()
-    return result[:, 0] if size == 1 else result
+    return [values[:, 0] if values.shape[1] == 1 else values for values in read]
 
 
 def draw(
