@@ -10,6 +10,7 @@ from dataclasses import replace
 import pytest
 from PIL import Image
 
+from raymarch.cli import cost
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.quality import Quality
 from tests.support import commands
@@ -45,7 +46,15 @@ def test_table_json_and_csv(folder, capsys):
     assert files(folder) == {"hello.py", "a.json", "a.csv"}
 
 
-def test_what_is_shown_and_what_only_by_all(folder, capsys):
+def test_what_is_shown_and_what_only_by_all(folder, capsys, monkeypatch):
+    measure, measured = cost._Bench.sweep, []
+
+    def once(*given):
+        if not measured:
+            measured.append(measure(*given))
+        return measured[0]
+
+    monkeypatch.setattr(cost._Bench, "sweep", once)
     asked = ("--cross", "tracer,max_steps", "--axis", "max_steps=3,512", "--axis", "tracer=plain,bracketing")
     assert run("hello.py", *QUICK, *asked) == 0
     assert "plain, 3 steps" not in capsys.readouterr().out
@@ -137,16 +146,17 @@ def test_a_preset_leaves_what_is_not_marching_as_the_scene_has_it(folder, drawn)
     assert drawn == [replace(Quality.preset("fine"), integrator="whitted", samples=4)]
 
 
-@pytest.mark.parametrize("asked", [("--error", "0.5px"), ("--within", "60s")])
-def test_samples_are_measured_and_kept(folder, drawn, asked):
-    assert draw("--samples", "2", *asked) == 0
-    assert {q.samples for q in drawn} == {2}
-
-
 @pytest.fixture
 def short_ladder(monkeypatch):
     """Whether all settings are tried is tested in test_search.py."""
     monkeypatch.setattr("raymarch.cost.search.LADDER", (2.0, 0.1))
+
+
+@pytest.mark.usefixtures("short_ladder")
+@pytest.mark.parametrize("asked", [("--error", "0.5px"), ("--within", "60s")])
+def test_samples_are_measured_and_kept(folder, drawn, asked):
+    assert draw("--samples", "2", *asked) == 0
+    assert {q.samples for q in drawn} == {2}
 
 
 @pytest.mark.usefixtures("short_ladder")

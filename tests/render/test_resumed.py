@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ SIZE = (96, 54)
 EVERYTHING = ("color", "depth", "normal", "material")
 
 
+@cache
 def scene(angle: float = 0.0, **quality: Any) -> rm.Scene:
     ring = rm.union(rm.torus(0.7, 0.2).rotate(1.2, "x"), rm.sphere(0.4), k=0.2)
     place = (3.4 * np.sin(angle), 0.8, 3.4 * np.cos(angle))
@@ -31,10 +33,17 @@ def scene(angle: float = 0.0, **quality: Any) -> rm.Scene:
     )
 
 
-@pytest.fixture
-def renderer(egl: Context) -> Iterator[Renderer]:
-    with Renderer(SIZE, "egl") as made:
+@pytest.fixture(scope="module")
+def opened(egl: Context) -> Iterator[Renderer]:
+    with Renderer(SIZE, context=egl) as made:
         yield made
+
+
+@pytest.fixture
+def renderer(opened: Renderer) -> Renderer:
+    """It has the programs of the tests before, and no history."""
+    opened.forget()
+    return opened
 
 
 @pytest.mark.parametrize("tracer", [t for t in TRACERS if t != "auto"])
@@ -89,6 +98,7 @@ def test_a_still_picture_goes_on_and_a_moved_one_begins_anew(
     assert not again.complete and np.array_equal(again.color, frames[0].color)
 
 
+@cache
 def street(**quality: Any) -> rm.Scene:
     """A solid under ten lights, with all that is added before lights: emission, the sky's light and its occlusion."""
     glow = rm.Material(emission=(0.1, 0.0, 0.0), color=(0.4, 0.6, 0.8))
@@ -105,6 +115,7 @@ def street(**quality: Any) -> rm.Scene:
     )
 
 
+@cache
 def disc(**quality: Any) -> rm.Scene:
     """A street under two lights that are written as code, of which one has several samples; a fixed camera."""
     made = street(**quality)

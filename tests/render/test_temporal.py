@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ SIZE = (48, 32)
 KEPT = ("accumulate", "reproject")
 
 
+@cache
 def scene(angle: float = 0.0, **quality: Any) -> rm.Scene:
     ring = rm.union(rm.torus(0.7, 0.2).rotate(1.2, "x"), rm.sphere(0.4), k=0.2).material(rm.Material((0.9, 0.4, 0.2)))
     place = (3.4 * np.sin(angle), 0.8, 3.4 * np.cos(angle))
