@@ -152,6 +152,19 @@ def test_the_shader_has_the_light_of_the_reference(
     assert one[smooth].mean() == pytest.approx(wanted[smooth].mean(), rel=0.05)
 
 
+def test_paths_sample_both_too(egl: Context) -> None:
+    """A convex metal under a black sky reflects the light alone, however many bounces there are."""
+    ball = rm.sphere(1.0).material(rm.Material(albedo=(0.9, 0.6, 0.3), metalness=1.0, roughness=0.12))
+    camera = rm.Camera((0, 1.5, 4), (0, 0.5, 0), fov=30)
+    scene = rm.Scene(ball, camera, lights=[ABOVE], sky=(0, 0, 0), quality=rm.Quality(samples=32))
+    wanted = rm.truth(scene, (24, 16), outputs=("color",)).color
+    with rm.Renderer((24, 16), backend="egl") as renderer:
+        direct, paths = (renderer.render(scene.replace(bounces=bounces)).color for bounces in (0, 2))
+    inside = flat(wanted)
+    assert np.median(np.abs(paths - wanted)[inside]) < 0.004
+    assert paths.mean() == pytest.approx(direct.mean(), rel=0.02)
+
+
 def flat(color: NDArray[Any]) -> NDArray[np.bool_]:
     """Pixels that differ little from those around them, (H, W)."""
     padded = np.pad(color, ((1, 1), (1, 1), (0, 0)), "edge")
