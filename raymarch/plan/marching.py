@@ -23,7 +23,7 @@ where all are bounded, and where these are beside closed-form hits.
 Below, a second program and pass cost more than the evaluations that they save. Rays along unbounded solids take the
 most steps; where the floor is solved in closed form and the others are bounded, cones save little. CPU time of frames
 with cones on llvmpipe: columns 85 % (2e7, 640x360) and 81 % (8e7, 1280x720), its first frame .1 s more; village 84 % if
-all solids are marched (4e8), 98 % with closed-form hits (102 % at 1.6e9). One level takes 93 to 98 % of three.
+all solids are marched (4e8), 98 % with closed-form hits (102 % at 1.6e9). One level takes 93 to 101 % of three.
 """
 
 
