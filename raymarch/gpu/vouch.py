@@ -167,7 +167,7 @@ def clipped(white: NDArray[np.bool_], color: NDArray[Any], material: NDArray[Any
 def is_sky(color: NDArray[Any], scene: Scene, pose: Pose, values: Values) -> bool:
     """True if a grid of up to 48 x 48 pixels matches the sky, so that the picture may show nothing else."""
     height, width = color.shape[:2]
-    rows, columns = (np.unique(np.linspace(0, n - 1, 48).astype(int)) for n in (height, width))
+    rows, columns = (np.linspace(0, n - 1, min(n, 48)).astype(int) for n in (height, width))
     directions = pose.directions(columns, rows[:, None], (width, height)).reshape(-1, 3)
     sky = scene.sky.radiance_along(directions, values)
     shown = color[np.ix_(rows, columns)].reshape(-1, 3)
