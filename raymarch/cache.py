@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import os
 import tempfile
-import zipfile
-import zlib
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -38,6 +36,9 @@ def folder() -> Path | None:
 
 def load(file: Path) -> dict[str, Any] | None:
     """The arrays of a file by name; None if there is none, or it is damaged."""
+    import zipfile  # takes time, and few scenes have cached arrays
+    import zlib
+
     try:
         with file.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
             return {name: stored[name] for name in stored.files}

@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 
 from raymarch.expr.arrays import evaluator, row_blocks
 from raymarch.expr.function import Function
@@ -150,7 +150,7 @@ def with_bar(image: Image.Image, scale: Scale) -> Image.Image:
     height = (len(words) + 1) * line + THICKNESS + 2 * MARGIN
     made = Image.new("RGB", (image.width, image.height + height), PAPER)
     made.paste(image, (0, 0))
-    draw = ImageDraw.Draw(made)
+    draw = _drawing(made)
     left, width = MARGIN, max(2, image.width - 2 * MARGIN)
     top = image.height + MARGIN
     for text in words:
@@ -176,7 +176,7 @@ def with_legend(image: Image.Image, title: str, entries: Sequence[tuple[tuple[in
     line = POINTS + 4
     made = Image.new("RGB", (image.width, image.height + (len(entries) + 1) * line + MARGIN), PAPER)
     made.paste(image, (0, 0))
-    draw = ImageDraw.Draw(made)
+    draw = _drawing(made)
     top = image.height + MARGIN // 2
     draw.text((MARGIN, top), title, INK, font=font)
     for color, text in entries:
@@ -209,6 +209,14 @@ def _shown(value: float) -> str:
     return f"{value:,.0f}" if 1000 <= abs(value) < 1e6 else f"{value:.3g}"
 
 
+def _drawing(image: Image.Image) -> Any:
+    from PIL import ImageDraw  # takes time, and few pictures have a scale
+
+    return ImageDraw.Draw(image)
+
+
 @cache
 def _font() -> Any:
+    from PIL import ImageFont
+
     return ImageFont.load_default(POINTS)

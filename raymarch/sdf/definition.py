@@ -407,13 +407,15 @@ def _of_all(what: str, rule: Rule, arity: str, of_all: bool, names: Sequence[str
 
     SceneError if it cannot be called with them.
     """
+    children = {"none": 0, "one": 1, "many": 2 if of_all else 1}[arity]
+    if _takes(rule, children, names):  # inspecting the rules of all definitions takes longer than tracing them
+        return rule
     try:
         signature = inspect.signature(rule)
     except ValueError:  # a function without a signature
         return rule
     kinds = [q.kind for q in signature.parameters.values()]
     taken = list(names) if inspect.Parameter.VAR_KEYWORD in kinds else [n for n in names if n in signature.parameters]
-    children = {"none": 0, "one": 1, "many": 2 if of_all else 1}[arity]
     try:
         signature.bind(*range(children), **dict.fromkeys(taken))
     except TypeError:
@@ -424,6 +426,13 @@ def _of_all(what: str, rule: Rule, arity: str, of_all: bool, names: Sequence[str
     if len(taken) == len(names):
         return rule
     return lambda *facts, **given: rule(*facts, **{name: given[name] for name in taken})
+
+
+def _takes(rule: Rule, children: int, names: Sequence[str]) -> bool:
+    """True if a rule is a plain function of some children and exactly these parameters."""
+    code = getattr(rule, "__code__", None)
+    plain = code is not None and not code.co_flags & (inspect.CO_VARARGS | inspect.CO_VARKEYWORDS)
+    return plain and code.co_varnames[children : code.co_argcount] == tuple(names) and not hasattr(rule, "__wrapped__")
 
 
 def _require(name: str, exactness: Any, bounds: Any) -> None:

@@ -14,11 +14,11 @@ import subprocess
 import unicodedata
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 
 from raymarch.errors import SceneError
 from raymarch.expr.calls import checked
@@ -31,6 +31,9 @@ from raymarch.sdf.definition import cube, shape
 from raymarch.sdf.domain import Data, Domain, Positive, Scalar
 from raymarch.sdf.node import Node
 from raymarch.sdf.sampled import opened
+
+if TYPE_CHECKING:
+    from PIL.ImageFont import FreeTypeFont as Font
 
 __all__ = ["image", "text"]
 
@@ -256,11 +259,10 @@ def _shown(string: str) -> str:
     return repr(string if len(string) <= 40 else string[:37] + "...")
 
 
-Font = ImageFont.FreeTypeFont
-
-
 def _font(file: str | None, size: float) -> Font:
     legal = "a TrueType or OpenType file, or the family of an installed font, such as 'DejaVu Sans'"
+    from PIL import ImageFont  # takes time, and few scenes have letters
+
     try:
         found = ImageFont.load_default(size) if file is None else ImageFont.truetype(_file_of(file), size)
     except OSError as fault:
@@ -304,6 +306,8 @@ def _glyph(font: Font, letter: str) -> tuple[object, ...]:
 
 def _lacking(string: str, font: Font) -> list[str]:
     """The letters of a string that a font lacks: their image is that of the sign for missing letters."""
+    from PIL import ImageFont
+
     font = font.font_variant(layout_engine=ImageFont.Layout.BASIC)  # one letter, one glyph
     sign = _glyph(font, ABSENT)
     blank = not any(bytes(font.getmask(ABSENT)))
@@ -337,6 +341,8 @@ def _able(string: str, file: str | None) -> str | None:
 
 def _has(file: str, letters: Iterable[str]) -> bool:
     """True if there is such a font, and it has all of some letters."""
+    from PIL import ImageFont
+
     try:
         return not _lacking("".join(letters), ImageFont.truetype(_file_of(file), 32.0))
     except OSError:
@@ -345,6 +351,8 @@ def _has(file: str, letters: Iterable[str]) -> bool:
 
 @functools.lru_cache(maxsize=64)
 def _written(string: str, file: str | None, resolution: int) -> Samples:
+    from PIL import ImageDraw
+
     file = _able(string, file)
     draw = ImageDraw.Draw(Image.new("L", (1, 1)))
     trial = 100.0
