@@ -430,9 +430,11 @@ def _of_all(what: str, rule: Rule, arity: str, of_all: bool, names: Sequence[str
 
 def _takes(rule: Rule, children: int, names: Sequence[str]) -> bool:
     """True if a rule is a plain function of some children and exactly these parameters."""
-    code = getattr(rule, "__code__", None)
-    plain = code is not None and not code.co_flags & (inspect.CO_VARARGS | inspect.CO_VARKEYWORDS)
-    return plain and code.co_varnames[children : code.co_argcount] == tuple(names) and not hasattr(rule, "__wrapped__")
+    if not inspect.isfunction(rule) or hasattr(rule, "__wrapped__"):
+        return False
+    code = rule.__code__
+    plain = not code.co_flags & (inspect.CO_VARARGS | inspect.CO_VARKEYWORDS) and not code.co_kwonlyargcount
+    return plain and code.co_varnames[children : code.co_argcount] == tuple(names)
 
 
 def _require(name: str, exactness: Any, bounds: Any) -> None:
