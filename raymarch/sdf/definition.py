@@ -6,10 +6,8 @@ registry, where the fluent methods, the generic tests and the documentation find
 
 from __future__ import annotations
 
-import builtins
 import inspect
 import typing
-from collections import ChainMap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Concatenate, Literal, ParamSpec, TypeAlias
@@ -386,13 +384,14 @@ def _define_one(
 def _hints(source: Callable[..., Any]) -> Mapping[str, Any]:
     """The annotations of a definition; none if one of them cannot be evaluated.
 
-    Almost all are names of the module, which are looked up here: `typing` takes some ten times as long for each.
+    Almost all are names of the module. `typing` takes some ten times as long for each.
     """
-    known = ChainMap(source.__globals__, vars(builtins))
-    hints = {n: known.get(hint) if isinstance(hint, str) else None for n, hint in source.__annotations__.items()}
-    if None not in hints.values():
-        return hints
+    known = source.__globals__
     try:
+        if all(isinstance(hint, str) for hint in source.__annotations__.values()):
+            return {
+                n: known[hint] if hint in known else eval(hint, known) for n, hint in source.__annotations__.items()
+            }
         return typing.get_type_hints(source, include_extras=True)
     except (NameError, TypeError):
         return {}
