@@ -6,8 +6,8 @@ python -m tests.lab.glsl_faults --functions   # by the functions alone, some min
 
 A fault takes out what somebody could forget: a clamp or floor (max, min, clamp), a guard (a line that returns, breaks
 or goes on), a choice (one branch of `? :` for both), an absolute value, an offset (a factor of epsilon), or a reset.
-Functions alone are asked first, at the ends of their ranges (tests/functions); then the hard cases of the room are
-looked at, then its tests. Told apart is what changes no bit of any frame of the cases and fails no test.
+Functions alone are asked first, at the ends of their ranges (tests/functions); then the hard cases of its folder are
+looked at, then the tests. Told apart is what changes no bit of any frame of the cases and fails no test.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from tests.support.shader_samples import scenes
 
 LOOK = (80, 60)
 LEDGER = Path(__file__).parents[2] / "docs" / "figures" / "glsl_faults.json"
-ROOMS = ("march", "light", "normal", "view", "path", "sky", "temporal", "probe")
+MODULES = ("march", "light", "normal", "view", "path", "sky", "temporal", "probe")
 ROWS = {
     "march": (1, 3, 27, 58, 54, 55, 2, 46, 56, 23, 47, 5, 35, 57, 29, 61),
     "light": (38, 41, 29, 39, 40, 35, 59),
@@ -139,25 +139,25 @@ class seeded:
 
 
 @cache
-def right(room: str) -> int:
+def right(part: str) -> int:
     """The digest of all frames that the rows of a folder draw while nothing is wrong."""
-    found, digest = _looked_at(room)
+    found, digest = _looked_at(part)
     assert not found, found
     return digest
 
 
 def verdict(fault: Fault) -> str:
     """By what a fault is noticed; "missed", or "none" where every frame stayed as it was, bit for bit."""
-    room = fault.module.partition("/")[0]
-    expected = right(room)
+    part = fault.module.partition("/")[0]
+    expected = right(part)
     with seeded(fault), np.errstate(all="ignore"):
-        found, digest = _looked_at(room)
+        found, digest = _looked_at(part)
     return found or ("none" if digest == expected else "missed")
 
 
-def _looked_at(room: str) -> tuple[str, int]:
+def _looked_at(part: str) -> tuple[str, int]:
     """What is broken in the rows of a folder, or in three random scenes; and the digest of the frames."""
-    wanted = ROWS[room]
+    wanted = ROWS[part]
     chosen = sorted((case for case in cases() if case.row in wanted), key=lambda case: wanted.index(case.row))
     with World() as world:
         try:
@@ -165,7 +165,7 @@ def _looked_at(room: str) -> tuple[str, int]:
                 broken = next((f.quantity for f in case.measure(world) if not f.holds), None)
                 if broken:
                     return f"{case.id}: {broken}", 0
-            for name in looks() if room == "light" else ():
+            for name in looks() if part == "light" else ():
                 if _is_off(world, looks()[name]):
                     return f"against the truth: {name}", 0
             wrong = [what for seed in (3, 4, 5) for what in unexplained(world, solid(seed), seed)]
@@ -206,7 +206,7 @@ def named(fault: Fault) -> str:
 def every(names: list[str]) -> list[Fault]:
     """The faults of some modules, of all if none is named."""
     folder = Path(glsl.__file__).parent
-    names = names or sorted(f"{f.parent.name}/{f.stem}" for room in ROOMS for f in folder.glob(f"{room}/*.glsl"))
+    names = names or sorted(f"{f.parent.name}/{f.stem}" for part in MODULES for f in folder.glob(f"{part}/*.glsl"))
     return [fault for name in names for fault in faults_of(name)]
 
 
