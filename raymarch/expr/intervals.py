@@ -1,7 +1,8 @@
 """The interval reading: ranges of expressions over all values of the parameters.
 
-A value is a pair (low, high) of float64 arrays. Operations without a rule return (-inf, inf), which is always valid.
-Bounds, Lipschitz constants and parameter domains are computed this way.
+A value is a pair (low, high) of float64 arrays, those of one interval or, with a first axis more, of many. Operations
+without a rule return (-inf, inf), which is always valid. Bounds, Lipschitz constants and parameter domains are computed
+this way.
 """
 
 from __future__ import annotations
@@ -28,6 +29,12 @@ def _unknown(node: Expr, *_args: Interval) -> Interval:
     return np.full(node.type.shape, -np.inf), np.full(node.type.shape, np.inf)
 
 
+def _shaped(values: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
+    """One number for each component."""
+    given = np.shape(values)
+    return values if given == shape else np.broadcast_to(values, np.broadcast_shapes(given, shape))
+
+
 def _each(compute: Callable[..., Interval]) -> Rule:
     """Rule for an operation that works on each component. An interval of one number has the same array twice."""
 
@@ -38,8 +45,8 @@ def _each(compute: Callable[..., Interval]) -> Rule:
             one = lift(low, a.type, type)
             lifted.append((one, one if low is high else lift(high, a.type, type)))
         low, high = compute(*lifted)
-        one = low if np.shape(low) == shape else np.broadcast_to(low, shape)
-        return one, one if low is high else high if np.shape(high) == shape else np.broadcast_to(high, shape)
+        one = _shaped(low, shape)
+        return one, one if low is high else _shaped(high, shape)
 
     return rule
 
@@ -47,10 +54,10 @@ def _each(compute: Callable[..., Interval]) -> Rule:
 def _rising(node: Expr, *values: Interval) -> Interval:
     """The ends of an operation that falls in no argument: its float64 values at the ends of the arguments."""
     compute = MAKERS[node.op](node)
-    low = np.broadcast_to(compute(*[v[0] for v in values]), node.type.shape)
+    low = _shaped(compute(*[v[0] for v in values]), node.type.shape)
     if all(v[0] is v[1] for v in values):
         return low, low
-    return low, np.broadcast_to(compute(*[v[1] for v in values]), node.type.shape)
+    return low, _shaped(compute(*[v[1] for v in values]), node.type.shape)
 
 
 def _times(x: Any, y: Any) -> Any:
@@ -99,7 +106,7 @@ def _wave(peak: float) -> Callable[[Interval], Interval]:
 
 
 def _components(a: Interval) -> list[Interval]:
-    return [(a[0][i], a[1][i]) for i in range(a[0].shape[0])]
+    return [(a[0][..., i], a[1][..., i]) for i in range(a[0].shape[-1])]
 
 
 def _square(a: Interval) -> Interval:
@@ -109,25 +116,26 @@ def _square(a: Interval) -> Interval:
 
 def _dot(node: Expr, a: Interval, b: Interval) -> Interval:
     low, high = _square(a) if node.args[0] is node.args[1] else _mul(a, b)
-    return np.sum(low), np.sum(high)
+    return np.sum(low, axis=-1), np.sum(high, axis=-1)
 
 
 def _length(_node: Expr, a: Interval) -> Interval:
     low, high = _square(a)
-    return np.sqrt(np.sum(low)), np.sqrt(np.sum(high))
+    return np.sqrt(np.sum(low, axis=-1)), np.sqrt(np.sum(high, axis=-1))
 
 
-def _normalize(node: Expr, a: Interval) -> Interval:
-    if np.array_equal(*a):
-        v = a[0] / max(float(np.linalg.norm(a[0])), SHORTEST)
+def _normalize(_node: Expr, a: Interval) -> Interval:
+    v = a[0] / np.maximum(np.sqrt(np.sum(a[0] * a[0], axis=-1)), SHORTEST)[..., None]
+    known = a[0] is a[1] or np.all(a[0] == a[1], axis=-1)[..., None]
+    if np.all(known):
         return v, v
-    return np.full(node.type.shape, -1.0), np.full(node.type.shape, 1.0)
+    return np.where(known, v, -1.0), np.where(known, v, 1.0)
 
 
 def _cross(_node: Expr, a: Interval, b: Interval) -> Interval:
     p, q = _components(a), _components(b)
     parts = [_sub(_mul(p[i], q[j]), _mul(p[j], q[i])) for i, j in ((1, 2), (2, 0), (0, 1))]
-    return np.array([x[0] for x in parts]), np.array([x[1] for x in parts])
+    return np.stack([x[0] for x in parts], axis=-1), np.stack([x[1] for x in parts], axis=-1)
 
 
 def _sub(a: Interval, b: Interval) -> Interval:
@@ -141,26 +149,31 @@ def _add(a: Interval, b: Interval) -> Interval:
 
 
 def _matmul(node: Expr, a: Interval, b: Interval) -> Interval:
-    right = (b[0][:, None], b[1][:, None]) if node.type.is_vector else b
-    low, high = _mul((a[0][:, :, None], a[1][:, :, None]), (right[0][None], right[1][None]))
-    low, high = low.sum(axis=1), high.sum(axis=1)
-    return (low[:, 0], high[:, 0]) if node.type.is_vector else (low, high)
+    right = (b[0][..., None], b[1][..., None]) if node.type.is_vector else b
+    low, high = _mul(
+        (a[0][..., :, :, None], a[1][..., :, :, None]), (right[0][..., None, :, :], right[1][..., None, :, :])
+    )
+    low, high = low.sum(axis=-2), high.sum(axis=-2)
+    return (low[..., 0], high[..., 0]) if node.type.is_vector else (low, high)
 
 
 def _less(strict: bool) -> Rule:
     def rule(_node: Expr, a: Interval, b: Interval) -> Interval:
         never, always = (a[0] >= b[1], a[1] < b[0]) if strict else (a[0] > b[1], a[1] <= b[0])
-        return np.asarray(always), np.asarray(not never)
+        return np.asarray(always), ~np.asarray(never)
 
     return rule
 
 
-def _where(_node: Expr, condition: Interval, a: Interval, b: Interval) -> Interval:
-    if condition[0]:
+def _where(node: Expr, condition: Interval, a: Interval, b: Interval) -> Interval:
+    if np.all(condition[0]):
         return a
-    if not condition[1]:
+    if not np.any(condition[1]):
         return b
-    return np.minimum(a[0], b[0]), np.maximum(a[1], b[1])
+    always, possible = (lift(end, BOOL, node.type) for end in condition)
+    low = np.where(always, a[0], np.where(possible, np.minimum(a[0], b[0]), b[0]))
+    high = np.where(always, a[1], np.where(possible, np.maximum(a[1], b[1]), b[1]))
+    return low, high
 
 
 def _param(node: Expr) -> Interval:
@@ -212,9 +225,11 @@ RULES: Mapping[str, Rule] = {
     "length": _length,
     "normalize": _normalize,
     "cross": _cross,
-    "columns": lambda _node, *columns: tuple(np.stack([c[i] for c in columns], axis=-1) for i in (0, 1)),
+    "columns": lambda _node, *columns: tuple(
+        np.stack(np.broadcast_arrays(*[c[i] for c in columns]), axis=-1) for i in (0, 1)
+    ),
     "matmul": _matmul,
-    "transpose": lambda _node, m: (m[0].T, m[1].T),
+    "transpose": lambda _node, m: (np.swapaxes(m[0], -1, -2), np.swapaxes(m[1], -1, -2)),
     "sample": samples.interval,
     "texture": textures.interval,
     "fetch": tables.interval,

@@ -10,6 +10,7 @@ import inspect
 import typing
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from operator import itemgetter
 from typing import Any, Concatenate, Literal, ParamSpec, TypeAlias
 
 import numpy as np
@@ -27,7 +28,7 @@ from raymarch.expr.walk import find
 from raymarch.sdf.builder import Builder
 from raymarch.sdf.domain import Domain, Fits, domain_of, interval_of_value
 from raymarch.sdf.facts import Exactness, Facts, worst
-from raymarch.sdf.node import Node
+from raymarch.sdf.node import Node, called_by_nodes, children_first
 
 __all__ = ["operator", "shape"]
 
@@ -91,7 +92,7 @@ class Definition:
     _facts: dict[Any, tuple[Program, Any]] = field(default_factory=dict)
 
     def make(self, children: Sequence[Node], args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> Node:
-        """A node: parameters checked, facts derived."""
+        """A node: parameters checked. Its facts are derived when they are first read, unless they may be refused."""
         if self.flat is not None and children and all(isinstance(c, Node) and c.dimension == 2 for c in children):
             return self.flat.make(children, args, kwargs)
         for child in children:
@@ -105,8 +106,14 @@ class Definition:
                     raise SceneError(what, legal="all 2D or all 3D")
                 raise SceneError(what, legal=f"a {self.child_dimension}D field")
         params = self._bind(args, kwargs)
-        facts = self.derive(children, params)
-        return Node(self, tuple(children), params, facts)
+        node = Node(self, tuple(children), params)
+        if self.check is not None:
+            self.require([] if isinstance(self.check, Fits) else [c.facts for c in children], params)
+        if callable(self.lipschitz):
+            derive_facts(node)
+        else:
+            self._facts_of(len(children), params)
+        return node
 
     def _bind(self, args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> dict[str, Any]:
         names = list(self.domains)
@@ -144,14 +151,14 @@ class Definition:
 
     def template(self, n_children: int, params: Mapping[str, Any]) -> Function:
         """The traced definition; children appear in it as `apply` expressions."""
-        statics = {n: params[n] for n, d in self.domains.items() if d.type is None}
-        key = (n_children, tuple(statics.items()))
+        statics = self.statics(params)
+        key = (n_children, statics)
         if key not in self._templates:
             symbols = [("p", vector(self.dimension)), *self._symbols()]
             children = [self._caller(i) for i in range(n_children)]
             extra = () if self.arity == "none" else (children if self.arity == "many" else children[0],)
 
-            on_symbols = _reordered(self.source, extra, statics, list(self.domains))
+            on_symbols = _reordered(self.source, extra, dict(statics), list(self.domains))
             traced = trace(self.called, on_symbols, symbols, self.source.__code__)
             if traced.type is not FLOAT:
                 raise SceneError(
@@ -208,40 +215,68 @@ class Definition:
             self.check(*children, **params)
 
     def derive(self, children: Sequence[Node], params: Mapping[str, Any]) -> Facts:
-        """Facts of a node from those of its children, on the intervals of its parameters."""
+        """Facts of a node from those of its children, on the intervals of its parameters; SceneError by its check."""
         below = [c.facts for c in children]
         self.require(below, params)
-        key = (len(children), tuple((n, params[n]) for n, d in self.domains.items() if d.type is None))
+        return self._derive([(below, params)])[0]
+
+    def _facts_of(self, n_children: int, params: Mapping[str, Any]) -> tuple[Program, bool]:
+        """The program of the facts, and whether it gives the Lipschitz constant."""
+        key = (n_children, self.statics(params))
         if key not in self._facts:
-            self._facts.setdefault(key, self._trace_facts(len(children), params))
-        program, declared = self._facts[key]
-        inputs: list[Interval] = [interval_of_value(params[n]) for n, d in self.domains.items() if d.type is not None]
-        for f in below:
-            inputs += [(f.lower, f.upper), (f.lower, f.lower), (f.upper, f.upper)]
-            inputs += [interval_of_value(f.lipschitz), interval_of_value(f.spread)]
+            self._facts.setdefault(key, self._trace_facts(n_children, params))
+        return self._facts[key]
+
+    def statics(self, params: Mapping[str, Any]) -> tuple[Any, ...]:
+        """The static parameters, on which the expressions of the field and of its facts depend."""
+        return tuple((n, params[n]) for n, d in self.domains.items() if d.type is None)
+
+    def _derive(self, members: Sequence[tuple[Sequence[Facts], Mapping[str, Any]]]) -> list[Facts]:
+        """Facts of some nodes at once, each from the facts of its children and its parameters.
+
+        They have equally many children, equal static parameters, and constants in the same places.
+        """
+        first, params = members[0]
+        program, declared = self._facts_of(len(first), params)
+        inputs: list[Interval] = [
+            _stacked([interval_of_value(own[n]) for _, own in members])
+            for n, d in self.domains.items()
+            if d.type is not None
+        ]
+        for column in zip(*[below for below, _ in members], strict=True):
+            lower, upper = (np.array([getattr(f, side) for f in column]) for side in ("lower", "upper"))
+            inputs += [(lower, upper), (lower, lower), (upper, upper)]
+            for numbers in (np.array([f.lipschitz for f in column]), np.array([f.spread for f in column])):
+                inputs.append((numbers, numbers))
+        n = len(members)
         with np.errstate(all="ignore"):
             low, high, steepness, spread = program(*inputs)
-        lower = np.where(np.isnan(low[0]), -np.inf, low[0])
-        upper = np.where(np.isnan(high[1]), np.inf, high[1])
-        steepest = max((facts.lipschitz for facts in below), default=1.0)
-        steep = float(steepness[1]) if declared else steepest
-        if not 0 < steep < np.inf:
-            raise SceneError(
-                f"{self.called} has no finite Lipschitz bound here ({steep})",
-                legal="a bounded child, and parameters with a finite range",
+        lowest = np.broadcast_to(np.where(np.isnan(low[0]), -np.inf, low[0]), (n, self.dimension))
+        highest = np.broadcast_to(np.where(np.isnan(high[1]), np.inf, high[1]), (n, self.dimension))
+        steepest, widest = np.broadcast_to(steepness[1], n).tolist(), np.broadcast_to(spread[1], n).tolist()
+        found = []
+        for i, (below, own) in enumerate(members):
+            steep = steepest[i] if declared else max((facts.lipschitz for facts in below), default=1.0)
+            if not 0 < steep < np.inf:
+                raise SceneError(
+                    f"{self.called} has no finite Lipschitz bound here ({steep})",
+                    legal="a bounded child, and parameters with a finite range",
+                )
+            exactness = worst(_value(self.exactness, below, own), *[facts.exactness for facts in below])
+            convex = bool(_value(self.convex, below, own))
+            found.append(
+                Facts(
+                    exactness,
+                    min(steep, 1.0),
+                    np.asarray(lowest[i], np.float64),
+                    np.asarray(highest[i], np.float64),
+                    self._symmetry(below, own),
+                    max(steep, 1.0),
+                    1.0 if exactness == "exact" else widest[i] * max(steep, 1.0),
+                    convex and (callable(self.convex) or all(facts.convex for facts in below)),
+                )
             )
-        exactness = worst(_value(self.exactness, below, params), *[facts.exactness for facts in below])
-        convex = bool(_value(self.convex, below, params))
-        return Facts(
-            exactness,
-            min(steep, 1.0),
-            np.asarray(lower, np.float64),
-            np.asarray(upper, np.float64),
-            self._symmetry(below, params),
-            max(steep, 1.0),
-            1.0 if exactness == "exact" else float(spread[1]) * max(steep, 1.0),
-            convex and (callable(self.convex) or all(facts.convex for facts in below)),
-        )
+        return found
 
     def estimates(self, node: Node) -> bool:
         """True if a node of this definition is an estimate by itself, of a solid with a box."""
@@ -270,8 +305,7 @@ class Definition:
             )
             inputs += [facts.box, facts.lower, facts.upper, facts.lipschitz, facts.spread]
             children.append(facts)
-        statics = {n: params[n] for n, d in self.domains.items() if d.type is None}
-        arguments = {**symbols, **statics}
+        arguments = {**symbols, **dict(self.statics(params))}
         extra: tuple[Any, ...] = (children,) if self.arity == "many" else tuple(children)
         region = self.bounds(*extra, **arguments)
         corners = region if isinstance(region, tuple) else (region, region)
@@ -288,6 +322,32 @@ class Definition:
             expr(np.inf if spread is None else spread),
         ]
         return Program(roots, inputs, INTERVALS), steep is not None
+
+
+@called_by_nodes
+def derive_facts(root: Node) -> None:
+    """Derives the facts of a node and of all below it that have none yet: those of equal definition at once."""
+    missing = children_first(root, lambda node: node.known_facts is None)
+    height: dict[int, int] = {}
+    groups: dict[tuple[Any, ...], list[Node]] = {}
+    for node in missing:
+        level = height[id(node)] = 1 + max((height.get(id(child), 0) for child in node.children), default=0)
+        constant = tuple(value.is_constant for value in node.params.values() if isinstance(value, Expr))
+        key = (level, node.definition, len(node.children), node.definition.statics(node.params), constant)
+        groups.setdefault(key, []).append(node)
+    for key in sorted(groups, key=itemgetter(0)):
+        nodes = groups[key]
+        found = nodes[0].definition._derive([([c.facts for c in node.children], node.params) for node in nodes])
+        for node, facts in zip(nodes, found, strict=True):
+            node.known_facts = facts
+
+
+def _stacked(intervals: Sequence[Interval]) -> Interval:
+    """Intervals of equal type as one; those of one number stay such."""
+    low = np.array([interval[0] for interval in intervals])
+    if all(interval[0] is interval[1] for interval in intervals):
+        return low, low
+    return low, np.array([interval[1] for interval in intervals])
 
 
 def _value(rule: Any, children: Sequence[Any], params: Mapping[str, Any]) -> Any:

@@ -1,4 +1,4 @@
-"""`Node`, a solid or flat shape. Its facts are derived when it is made, its field when it is first needed."""
+"""`Node`, a solid or flat shape. Its facts and its field are derived when they are first needed."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from functools import wraps
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,8 +35,8 @@ class Node:
     """
 
     __slots__ = (
-        *("__weakref__", "_field", "_same", "children", "definition", "facts", "label", "labelled", "params"),
-        *("variable", "where"),
+        *("__weakref__", "_field", "_same", "children", "definition", "known_facts", "label", "labelled"),
+        *("params", "variable", "where"),
     )
 
     def __init__(
@@ -44,13 +44,13 @@ class Node:
         definition: Definition,
         children: tuple[Node, ...],
         params: Mapping[str, Any],
-        facts: Facts,
+        facts: Facts | None = None,
         label: Any = None,
     ) -> None:
         self.definition = definition
         self.children = children
         self.params = params
-        self.facts = facts
+        self.known_facts = facts  # None until they are derived; see `facts`
         self.label = label
         self.labelled: bool = label is not None or any(child.labelled for child in children)
         if not self.labelled and "rows" in params:  # many objects, with materials of their own
@@ -100,6 +100,13 @@ class Node:
     def name(self) -> str:
         """Name of the shape or operator."""
         return self.definition.called
+
+    @property
+    def facts(self) -> Facts:
+        """The facts, derived when they are first read, with those of all nodes below."""
+        if self.known_facts is None:
+            METHODS["derive_facts"](self)
+        return cast("Facts", self.known_facts)
 
     @property
     def dimension(self) -> int:
@@ -308,12 +315,15 @@ def flatness(root: Node) -> float:
     return max((node.facts.spread for node in all_nodes(root) if math.isfinite(node.facts.spread)), default=1.0)
 
 
-def children_first(root: Node) -> list[Node]:
-    """Every node of a tree once, each after its children. Works for deep trees."""
+def children_first(root: Node, entered: Callable[[Node], bool] = lambda _node: True) -> list[Node]:
+    """Every node of a tree once, each after its children. Works for deep trees.
+
+    entered : tells of a child whether it is listed, with what is below it.
+    """
     found: dict[int, Node] = {}
     pending = [root]
     while pending:
-        missing = [child for child in pending[-1].children if id(child) not in found]
+        missing = [child for child in pending[-1].children if id(child) not in found and entered(child)]
         if not missing:
             node = pending.pop()
             found[id(node)] = node

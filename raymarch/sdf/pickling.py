@@ -1,6 +1,6 @@
 """Pickles of nodes: a table with one row per node, children first, each with the name of its definition.
 
-A row holds no facts. On unpickling, facts are derived and parameters checked again, so that a hand-made table cannot
+A row holds no facts. On unpickling, parameters are checked again, so that a hand-made table cannot
 give a node that the definition would refuse.
 """
 
@@ -117,7 +117,7 @@ def pickled(root: Node) -> list[tuple[Any, ...]]:
 
 
 def remake(rows: Any) -> Node:
-    """The tree of some rows, its parameters checked and its facts derived."""
+    """The tree of some rows, its parameters checked."""
     from raymarch.sdf.node import Node
 
     made: list[Node] = []
@@ -126,7 +126,7 @@ def remake(rows: Any) -> Node:
             definition = _definition(name)
             children = tuple(made[i] for i in below)
             plain = definition.make(children, (), params)
-            node = Node(plain.definition, plain.children, plain.params, plain.facts, label)
+            node = Node(plain.definition, plain.children, plain.params, plain.known_facts, label)
             if not isinstance(where, Location | None):
                 raise ValueError(f"where = {where!r}")
             node.where = where

@@ -34,6 +34,10 @@ def axis_vector(name: str, axis: Vector | str, dimension: int = 3) -> Vector:
 
 
 def _unmoved(child: Facts, offset: Expr) -> str:
+    if offset.is_constant:  # of many objects; taking an expression apart takes longer than all else
+        return "".join(
+            axis for axis, o in zip("xyz", offset.data.tolist(), strict=False) if not o and axis in child.symmetry
+        )
     still = [axis for axis, o in zip("xyz", offset, strict=False) if o.is_constant and not o.data]
     return "".join(axis for axis in still if axis in child.symmetry)
 
@@ -324,4 +328,4 @@ def refuse_label(what: str, label: Any) -> None:
 def with_label(node: Node, label: Any) -> Node:
     """The node with a label of any kind, which determines its material."""
     made = labelled(node)
-    return Node(made.definition, made.children, made.params, made.facts, label=label)
+    return Node(made.definition, made.children, made.params, label=label)

@@ -1,0 +1,48 @@
+"""Facts are derived when they are read, those of all nodes of one definition at once."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.sdf.facts import Facts
+from raymarch.sdf.pickling import pickled, remake
+from tests.support.node_samples import samples
+
+
+def as_numbers(facts: Facts) -> list[object]:
+    values = [getattr(facts, f.name) for f in fields(Facts)]
+    return [v.tolist() if isinstance(v, np.ndarray) else v for v in values]
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_many_nodes_have_the_facts_of_each(dimension: int) -> None:
+    alone = [s.build() for s in samples() if s.definition.dimension == dimension]
+    together = [remake(pickled(node)) for node in alone]
+    assert sum(node.known_facts is None for node in together) > 0.5 * len(together)
+    assert rm.union(*together).facts.lower.shape == (dimension,)
+    for one, other in zip(alone, together, strict=True):
+        assert other.known_facts is not None
+        single = other.definition.derive(other.children, other.params)
+        assert as_numbers(one.facts) == as_numbers(other.known_facts) == as_numbers(single), one
+
+
+def test_parameters_in_the_same_places() -> None:
+    """Rows of constants beside rows with a Param: their intervals differ in kind."""
+    moved = rm.Param("moved", 0.0, -2.0, 3.0)
+    nodes = [rm.box((0.2 * i, 1, 1)).rotate(0.3 * i, (1, i, 2)).translate((i * moved, i, moved)) for i in range(1, 6)]
+    nodes += [rm.box(0.1 * i).rotate(moved * i, "x").translate((i, 1.0, 0.0)) for i in range(1, 6)]
+    nodes += [rm.box(0.1 * i).rotate(i, (1, i, 0)).translate((i, 1.0, 0.0)) for i in range(1, 6)]
+    assert rm.union(*nodes).facts.lower.shape == (3,)
+    for node in nodes:
+        assert as_numbers(node.facts) == as_numbers(node.definition.derive(node.children, node.params))
+
+
+def test_nothing_is_derived_until_it_is_read() -> None:
+    node = rm.box(1).rotate(0.3, "x").translate((1, 2, 3)) | rm.sphere(1)
+    assert all(n.known_facts is None for n in (node, *node.children))
+    assert node.bounds[0].shape == (3,)
+    assert all(n.known_facts is not None for n in (node, *node.children))
