@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import cache
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,8 @@ from raymarch.sdf.lower import POSITION, depends_on_interaction
 
 if TYPE_CHECKING:
     from raymarch.scene.bsdf import BSDF
+
+T = TypeVar("T")
 
 PHONG = ("color", "shininess", "specular", "ambient")
 PHYSICAL = ("color", "metalness", "roughness", "f0")
@@ -51,6 +53,20 @@ MADE = {"albedo": "color"}
 
 FIELDS = (*MIXED, "emission", *GLASS, *COAT, *RELIEF, "own")
 """All values. "physical" and "own" are 1 for a material that is physical, or has a BSDF of the user's own."""
+
+
+def once(function: Callable[[Material], T]) -> T:
+    """Decorator: a property that is computed once. A plan asks often, and a scene may have thousands of materials."""
+    name = function.__name__
+
+    def get(self: Material) -> T:
+        known = self._known
+        if name not in known:
+            known[name] = function(self)
+        result: T = known[name]
+        return result
+
+    return property(get, doc=function.__doc__)  # type: ignore[return-value]
 
 
 @value
@@ -135,6 +151,7 @@ class Material(Value):
     physical: bool
     _given: dict[str, Any]
     _fields: dict[str, Expr]
+    _known: dict[str, Any]
 
     def __init__(
         self,
@@ -210,6 +227,7 @@ class Material(Value):
             physical=is_physical,
             _fields={n: fields[n] for n in FIELDS},
             _given={**kept, **others},
+            _known={},
         )
 
     def arguments(self) -> dict[str, Any]:
@@ -220,34 +238,45 @@ class Material(Value):
         return {n: None if {n, *changes} >= {"color", "albedo"} else v for n, v in self._given.items()}
 
     def _identity(self) -> tuple[Any, ...]:
-        return (*self.expressions, self.bsdf)
+        return self._key
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    @once
+    def _key(self) -> tuple[Any, ...]:
+        return (*self._fields.values(), self.bsdf)
+
+    @once
+    def _hash(self) -> int:
+        return hash(self._key)
 
     @property
     def expressions(self) -> list[Expr]:
         """All values in the order of FIELDS. They may depend on parameters, time, POSITION and the index of a cell."""
         return list(self._fields.values())
 
-    @property
+    @once
     def metallic(self) -> bool:
         """True if the metalness may be above 0 somewhere."""
         return self.physical and not is_zero(self.metalness)
 
-    @property
+    @once
     def emits(self) -> bool:
         """True if the surface may emit light somewhere."""
         return not is_zero(self.emission)
 
-    @property
+    @once
     def transmits(self) -> bool:
         """True if the transmission may be above 0 somewhere."""
         return not is_zero(self.transmission)
 
-    @property
+    @once
     def coated(self) -> bool:
         """True if the weight of the clear coat may be above 0 somewhere."""
         return not is_zero(self.clearcoat)
 
-    @property
+    @once
     def frosted(self) -> bool:
         """True if the material transmits and may be rough somewhere."""
         return self.transmits and not is_zero(self.roughness)
@@ -267,7 +296,7 @@ class Material(Value):
         flat = {name: _kept(made, new[made]) for name, made in given.items()}
         return self.replace(**{**flat, "normal": None, "height": None, "occlusion": None})
 
-    @property
+    @once
     def mirrors(self) -> bool:
         """True if it may be so smooth somewhere that Whitted ray tracing traces its reflection; see `SMOOTH`."""
         clear = self.transmission.is_constant and float(self.transmission.data) == 1.0
@@ -275,23 +304,23 @@ class Material(Value):
         smooth = any(not r.is_constant or float(r.data) < 2.0 * SMOOTH for r in lobes)
         return self.physical and not clear and smooth
 
-    @property
+    @once
     def glossy(self) -> bool:
         """True if a lobe may be narrow somewhere; see `GLOSSY`."""
         lobes = [self.roughness, *([self.clearcoat_roughness] if self.coated else [])]
         return self.physical and any(not r.is_constant or float(r.data) < GLOSSY for r in lobes)
 
-    @property
+    @once
     def patterned(self) -> bool:
         """True if any value depends on the position."""
         return POSITION in free_variables(self.expressions)
 
-    @property
+    @once
     def relief(self) -> bool:
         """True if it perturbs normals or dims ambient light."""
         return (self._fields["bump_gradient"], self._fields["ambient_visibility"]) != (FLAT, expr(1.0))
 
-    @property
+    @once
     def textured(self) -> bool:
         """True if it has a texture, or another value that depends on the footprint or the normal."""
         return depends_on_interaction(self.expressions)

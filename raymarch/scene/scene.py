@@ -173,9 +173,7 @@ class Scene(Value):
     @property
     def materials(self) -> tuple[Material, ...]:
         """Every visible material. Index 0 is the default, for nodes without a material."""
-        given = _labels(self.node)
-        default = PHYSICAL_DEFAULT if given and all(m.physical for m in given) else DEFAULT
-        return (default, *(m for m in given if m != default))
+        return _materials(self.node)
 
     @property
     def path_traced(self) -> bool:
@@ -312,6 +310,13 @@ def _labels(root: Node) -> list[Any]:
     return [label for label in given if label in seen]
 
 
+@_remembered
+def _materials(root: Node) -> tuple[Material, ...]:
+    given = _labels(root)
+    default = PHYSICAL_DEFAULT if given and all(m.physical for m in given) else DEFAULT
+    return (default, *(m for m in given if m != default))
+
+
 def scene_of(node: Node) -> Scene:
     """A default scene of a node, with the user's line of the node."""
     made = Scene(node)
@@ -368,6 +373,7 @@ def _moved_parts(root: Node) -> list[tuple[Facts, Expr]]:
     return found
 
 
+@_remembered
 def _bounded_part(root: Node) -> Facts | None:
     """The box around the largest bounded parts; None if there are none."""
     boxes = [node.facts for node in _operands(root) if node.facts.bounded and not node.facts.empty]

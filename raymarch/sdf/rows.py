@@ -300,6 +300,10 @@ class Rows:
         return isinstance(other, Rows) and self.key == other.key
 
     def __hash__(self) -> int:
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
         return hash(self.key)
 
     def __reduce__(self) -> tuple[Any, ...]:
