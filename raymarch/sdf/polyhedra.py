@@ -112,6 +112,11 @@ class Solid:
         v = np.linalg.solve(self.normals, distances)
         return v / np.linalg.norm(v) + 0.0
 
+    @property
+    def edge(self) -> float:
+        """Length of an edge, which joins the vertex and its image in a mirror plane."""
+        return 2.0 * float(self.normals[self.ringed[0]] @ self.vertex)
+
     def faces(self) -> list[tuple[Floats, list[Floats]]]:
         """For each face of the chamber: its outward normal, and for each of its edges there the normal of the edge
         in the face, inwards."""
@@ -167,7 +172,7 @@ class Solid:
 
 
 def polyhedron(mirrors: Mirrors, *ringed: int) -> Callable[[Callable[[Expr, Scalar], None]], Callable[..., Node]]:
-    """Decorator: a name with its docstring becomes the shape of `Solid(mirrors, ringed)`."""
+    """Decorator: a name with the first line of its docstring becomes the shape of `Solid(mirrors, ringed)`."""
     solid = Solid(mirrors, ringed)
 
     def decorate(named: Callable[[Expr, Scalar], None]) -> Callable[..., Node]:
@@ -175,6 +180,10 @@ def polyhedron(mirrors: Mirrors, *ringed: int) -> Callable[[Callable[[Expr, Scal
         def field(p: Expr, radius: Scalar) -> Expr:
             return solid.distance(p, radius)
 
+        field.__doc__ = f"""{named.__doc__}
+
+        radius : distance of the vertices from the origin, > 0; an edge is {solid.edge:.3f} times as long.
+        """
         symmetry = "" if mirrors is TETRAHEDRAL else "xyz"
         return shape(exactness="exact", bounds=solid.reach, symmetry=symmetry, convex=True)(field)
 
@@ -183,95 +192,59 @@ def polyhedron(mirrors: Mirrors, *ringed: int) -> Callable[[Callable[[Expr, Scal
 
 @polyhedron(TETRAHEDRAL, 0)
 def tetrahedron(p: Expr, radius: Positive = 1.0) -> None:
-    """Regular tetrahedron; its vertices are four corners of a cube, one in the direction (1, 1, 1).
-
-    radius : distance of the vertices from the origin, > 0; an edge is 1.633 times as long.
-    """
+    """Regular tetrahedron; its vertices are four corners of a cube, one in the direction (1, 1, 1)."""
 
 
 @polyhedron(OCTAHEDRAL, 2)
 def octahedron(p: Expr, radius: Positive = 1.0) -> None:
-    """Regular octahedron; its vertices lie on the axes.
-
-    radius : distance of the vertices from the origin, > 0; an edge is 1.414 times as long.
-    """
+    """Regular octahedron; its vertices lie on the axes."""
 
 
 @polyhedron(ICOSAHEDRAL, 0)
 def dodecahedron(p: Expr, radius: Positive = 1.0) -> None:
-    """Regular dodecahedron: twelve pentagons.
-
-    radius : distance of the vertices from the origin, > 0; an edge is 0.714 times as long.
-    """
+    """Regular dodecahedron: twelve pentagons."""
 
 
 @polyhedron(ICOSAHEDRAL, 2)
 def icosahedron(p: Expr, radius: Positive = 1.0) -> None:
-    """Regular icosahedron: twenty triangles.
-
-    radius : distance of the vertices from the origin, > 0; an edge is 1.051 times as long.
-    """
+    """Regular icosahedron: twenty triangles."""
 
 
 @polyhedron(TETRAHEDRAL, 0, 1)
 def truncated_tetrahedron(p: Expr, radius: Positive = 1.0) -> None:
-    """Tetrahedron with its corners cut off: four triangles, four regular hexagons.
-
-    radius : distance of the vertices from the origin, > 0; an edge is 0.853 times as long.
-    """
+    """Tetrahedron with its corners cut off: four triangles, four regular hexagons."""
 
 
 @polyhedron(OCTAHEDRAL, 0, 1)
 def truncated_cube(p: Expr, radius: Positive = 1.0) -> None:
-    """Cube with its corners cut off: eight triangles, six regular octagons.
-
-    radius : distance of the vertices from the origin, > 0; an edge is 0.562 times as long.
-    """
+    """Cube with its corners cut off: eight triangles, six regular octagons."""
 
 
 @polyhedron(OCTAHEDRAL, 1, 2)
 def truncated_octahedron(p: Expr, radius: Positive = 1.0) -> None:
-    """Octahedron with its corners cut off: six squares, eight regular hexagons. Its copies fill space.
-
-    radius : distance of the vertices from the origin, > 0; an edge is 0.632 times as long.
-    """
+    """Octahedron with its corners cut off: six squares, eight regular hexagons. Its copies fill space."""
 
 
 @polyhedron(OCTAHEDRAL, 1)
 def cuboctahedron(p: Expr, radius: Positive = 1.0) -> None:
-    """Cube cut off at the midpoints of its edges: eight triangles, six squares.
-
-    radius : distance of the vertices from the origin, > 0; an edge has the same length.
-    """
+    """Cube cut off at the midpoints of its edges: eight triangles, six squares."""
 
 
 @polyhedron(OCTAHEDRAL, 0, 2)
 def rhombicuboctahedron(p: Expr, radius: Positive = 1.0) -> None:
-    """Cube whose edges and corners are cut off: eight triangles, eighteen squares.
-
-    radius : distance of the vertices from the origin, > 0; an edge is 0.715 times as long.
-    """
+    """Cube whose edges and corners are cut off: eight triangles, eighteen squares."""
 
 
 @polyhedron(ICOSAHEDRAL, 0, 1)
 def truncated_dodecahedron(p: Expr, radius: Positive = 1.0) -> None:
-    """Dodecahedron with its corners cut off: twenty triangles, twelve regular decagons.
-
-    radius : distance of the vertices from the origin, > 0; an edge is 0.337 times as long.
-    """
+    """Dodecahedron with its corners cut off: twenty triangles, twelve regular decagons."""
 
 
 @polyhedron(ICOSAHEDRAL, 1, 2)
 def truncated_icosahedron(p: Expr, radius: Positive = 1.0) -> None:
-    """Icosahedron with its corners cut off, the football: twelve pentagons, twenty regular hexagons.
-
-    radius : distance of the vertices from the origin, > 0; an edge is 0.404 times as long.
-    """
+    """Icosahedron with its corners cut off, the football: twelve pentagons, twenty regular hexagons."""
 
 
 @polyhedron(ICOSAHEDRAL, 1)
 def icosidodecahedron(p: Expr, radius: Positive = 1.0) -> None:
-    """Icosahedron cut off at the midpoints of its edges: twenty triangles, twelve pentagons.
-
-    radius : distance of the vertices from the origin, > 0; an edge is 0.618 times as long.
-    """
+    """Icosahedron cut off at the midpoints of its edges: twenty triangles, twelve pentagons."""
