@@ -61,12 +61,16 @@ def name_of(definition: Definition) -> tuple[str, str, bool]:
     return module, name, definition is not found
 
 
-def _defined(module: Any, name: str) -> Definition | None:
+def _named(module: Any, name: str) -> Any:
+    """The object of a qualified name in a module; None if there is none."""
     found = module
     for part in name.split("."):
         found = getattr(found, part, None)
-    definition: Definition | None = getattr(found, "definition", None)
-    return definition
+    return found
+
+
+def _defined(module: Any, name: str) -> Definition | None:
+    return getattr(_named(module, name), "definition", None)
 
 
 def _definition(name: Any) -> Definition:
@@ -84,12 +88,9 @@ def _definition(name: Any) -> Definition:
     return made
 
 
-def check_name(function: Any, what: str) -> None:
+def check_name(function: FunctionType, what: str) -> None:
     """SceneError for a Python function that is not to be found by its name."""
-    found: Any = sys.modules.get(str(getattr(function, "__module__", None)))
-    for part in str(getattr(function, "__qualname__", None)).split("."):
-        found = getattr(found, part, None)
-    if found is not function:
+    if _named(sys.modules.get(function.__module__), function.__qualname__) is not function:
         raise SceneError(
             f"pickle: {what} {short(function)} is not found by its name",
             legal="a function at the top level of a module that can be imported",
