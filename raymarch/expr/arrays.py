@@ -258,10 +258,7 @@ def evaluator(
 
 def evaluator_of(definition: Function) -> Callable[..., tuple[Array, ...]]:
     """The float64 evaluator of a function, which remembers it."""
-    if "evaluator" not in definition.derived:
-        definition.derived["evaluator"] = evaluator([definition.body], definition.params)
-    made: Callable[..., tuple[Array, ...]] = definition.derived["evaluator"]
-    return made
+    return definition.once("evaluator", lambda: evaluator([definition.body], definition.params))
 
 
 class Remembered(Generic[Result]):

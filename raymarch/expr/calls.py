@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, TypeVar
 
 from raymarch.errors import SceneError
@@ -49,25 +49,40 @@ def _fault(
         own, args = own[1:], args[1:]
     several = any(q.kind is q.VAR_POSITIONAL for q in own)
     own = [q for q in own if q.kind not in (q.VAR_POSITIONAL, q.VAR_KEYWORD)]
-    names = [q.name for q in own]
-    legal = ", ".join(names) or "no arguments"
+    most = len([q for q in own if q.kind is not q.KEYWORD_ONLY])
+    needed = [q.name for q in own if q.default is q.empty]
+    vector = len(own) > 0 and "Vec" in str(own[0].annotation) and len(args) in (2, 3)
+    return bad_call(what, [q.name for q in own], needed, () if several else args, kwargs, most, vector)
+
+
+def bad_call(
+    what: str,
+    names: Sequence[str],
+    needed: Collection[str],
+    args: Sequence[Any],
+    kwargs: Mapping[str, Any],
+    most: int,
+    vector: bool,
+    usage: str = "",
+) -> SceneError | None:
+    """The error for arguments that do not fit some parameters; None if they fit.
+
+    names : of the parameters, of which those `needed` have no default. most : number of those given by position.
+    vector : True if the first parameter is a vector of as many components as there are `args`.
+    usage : the call in the message; by default the names.
+    """
+    legal = usage or ", ".join(names) or "no arguments"
     for name in kwargs:
         if name not in names:
-            return SceneError(f"{what} has no parameter '{name}'", legal=f"{meant(name, names, what)}legal: {legal}")
-    given = () if several else args
-    most_given = len([q for q in own if q.kind is not q.KEYWORD_ONLY])
-    if len(given) > most_given:
-        if _takes_vector(own) and len(given) in (2, 3) and all(isinstance(v, int | float) for v in given):
-            shown = ", ".join(map(repr, given))
-            return SceneError(f"{what} takes one vector (x, y, z)", legal=f"{what}(({shown}))")
-        most = f"{most_given} argument{'s' * (most_given != 1)}"
-        return SceneError(f"{what} takes up to {most}, {len(given)} were given", legal=legal)
-    for name in names[: len(given)]:
+            known = usage or f"legal: {legal}"
+            return SceneError(f"{what} has no parameter '{name}'", legal=f"{meant(name, names)}{known}")
+    if len(args) > most:
+        if vector and all(isinstance(v, int | float) for v in args):
+            return SceneError(f"{what} takes one vector", legal=f"{what}(({', '.join(map(repr, args))}))")
+        taken = f"{most} argument{'s' * (most != 1)}"
+        return SceneError(f"{what} takes up to {taken}, {len(args)} were given", legal=legal)
+    for name in names[: len(args)]:
         if name in kwargs:
             return SceneError(f"{what} was given '{name}' twice", legal=legal)
-    missing = [q.name for q in own[len(given) :] if q.default is q.empty and q.name not in kwargs]
+    missing = [name for name in names[len(args) :] if name in needed and name not in kwargs]
     return SceneError(f"{what} needs '{missing[0]}'", legal=legal) if missing else None
-
-
-def _takes_vector(parameters: Sequence[inspect.Parameter]) -> bool:
-    return len(parameters) > 0 and "Vec" in str(parameters[0].annotation)

@@ -7,13 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 from raymarch.expr.function import Function
 from raymarch.expr.node import Expr
 from raymarch.expr.operations import operations
 from raymarch.expr.vocabulary import where
 from raymarch.expr.walk import attribute, rebuild, rewrite, substitute, topological
+
+T = TypeVar("T")
 
 Saving: TypeAlias = Callable[[Function], int]
 """Operations that each avoided call of a function saves; 0 if its calls stay apart."""
@@ -70,6 +72,26 @@ def sides(node: Expr) -> tuple[Expr, ...]:
     return node.args[1:] if node.op == "where" else ()
 
 
+def fold_choices(order: Sequence[Expr], leaf: Callable[[Expr], T], choose: Callable[[Expr, T, T], T]) -> T:
+    """The value of a tree of choices, from `leaf` of each leaf, and `choose(condition, yes, no)` of each choice.
+
+    order : the choices and leaves of the tree, arguments first, as `topological([tree], sides)` returns them.
+    """
+    values: dict[Expr, T] = {}
+    for node in order:
+        if node.op == "where":
+            condition, yes, no = node.args
+            values[node] = choose(condition, values[yes], values[no])
+        else:
+            values[node] = leaf(node)
+    return values[order[-1]]
+
+
+def if_both(choose: Callable[[Expr, T, T], T]) -> Callable[[Expr, T | None, T | None], T | None]:
+    """The same function for two sides of which one or both may be None: the other one is then taken."""
+    return lambda condition, yes, no: no if yes is None else yes if no is None else choose(condition, yes, no)
+
+
 def _merge_in(tree: Expr, saving: Saving) -> Expr:
     """The same for the leaves of one tree of choices."""
     order = topological([tree], sides)
@@ -84,33 +106,19 @@ def _merge_in(tree: Expr, saving: Saving) -> Expr:
         distinct = len(set(by_leaf.values()))
         if distinct < 2:
             continue
-        args = _chosen_args(order, by_leaf)
+        given = {leaf: call.args for leaf, call in by_leaf.items()}
+        args = fold_choices(order, given.get, if_both(_where_each))  # a leaf without the call takes any
+        assert args is not None
         if _selections(args) >= (distinct - 1) * saving(definition):
             continue
         call = definition(*args)
         for leaf, old in by_leaf.items():
             new[leaf] = substitute([new[leaf]], {old: call})[0]
-    for node in order:
-        if node.op == "where":
-            new[node] = where(node.args[0], new[node.args[1]], new[node.args[2]])
-    return new[tree]
+    return fold_choices(order, new.__getitem__, where)
 
 
-def _chosen_args(order: Sequence[Expr], calls: dict[Expr, Expr]) -> tuple[Expr, ...]:
-    """The arguments of the call in the leaf that is taken; any where that leaf has none."""
-    args: dict[Expr, tuple[Expr, ...] | None] = {}
-    for node in order:
-        if node.op != "where":
-            args[node] = calls[node].args if node in calls else None
-            continue
-        yes, no = args[node.args[1]], args[node.args[2]]
-        if yes is None or no is None:
-            args[node] = no if yes is None else yes
-        else:
-            args[node] = tuple(where(node.args[0], a, b) for a, b in zip(yes, no, strict=True))
-    result = args[order[-1]]
-    assert result is not None
-    return result
+def _where_each(condition: Expr, yes: tuple[Expr, ...], no: tuple[Expr, ...]) -> tuple[Expr, ...]:
+    return tuple(where(condition, a, b) for a, b in zip(yes, no, strict=True))
 
 
 def _merge_paths(tree: Expr, saving: Saving) -> Expr:
@@ -126,7 +134,11 @@ def _merge_paths(tree: Expr, saving: Saving) -> Expr:
         args = _path_args(tree, definition, {}, used)
         if isinstance(args, tuple) and _selections(args) < (len(used) - 1) * saving(definition):
             new = definition(*args)  # calls that no path needs become this one too
-            tree = _with_leaves(tree, {call: new for call in calls if call.data is definition})
+            known = {call: new for call in calls if call.data is definition}
+            order = topological([tree], sides)
+            leaves = [node for node in order if node.op != "where"]  # conditions keep their calls
+            made = dict(zip(leaves, substitute(leaves, known), strict=True))
+            tree = fold_choices(order, made.__getitem__, where)
     return tree
 
 
@@ -152,7 +164,7 @@ def _path_args(node: Expr, definition: Function, known: dict[Expr, bool], used: 
             return True
     yes, no = found
     if isinstance(yes, tuple) and isinstance(no, tuple):
-        return tuple(where(condition, a, b) for a, b in zip(yes, no, strict=True))
+        return _where_each(condition, yes, no)
     return yes or no
 
 
@@ -163,25 +175,6 @@ def _taken(known: Mapping[Expr, bool], node: Expr) -> tuple[Expr, ...]:
     return node.args
 
 
-def _with_leaves(tree: Expr, calls: Mapping[Expr, Expr]) -> Expr:
-    """A tree of choices with calls replaced in its leaves, not in its conditions."""
-    new: dict[Expr, Expr] = {}
-    for node in topological([tree], sides):
-        if node.op == "where":
-            new[node] = where(node.args[0], new[node.args[1]], new[node.args[2]])
-        else:
-            new[node] = substitute([node], calls)[0]
-    return new[tree]
-
-
 def _selections(args: Sequence[Expr]) -> int:
     """Numbers that are chosen for some arguments."""
     return sum(node.type.size for node in topological(args, sides) if node.op == "where")
-
-
-def operations_of(definition: Function) -> int:
-    """Operations of one call, remembered."""
-    if "operations" not in definition.derived:
-        definition.derived["operations"] = operations(definition.inner)
-    result: int = definition.derived["operations"]
-    return result

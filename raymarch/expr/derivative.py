@@ -23,9 +23,10 @@ import numpy as np
 import raymarch.expr.vocabulary as v
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import SMALLEST
-from raymarch.expr.choices import merge_calls, operations_of, sides
+from raymarch.expr.choices import fold_choices, if_both, merge_calls, sides
 from raymarch.expr.function import Function, close_loop, sum_of
 from raymarch.expr.node import Expr, const, construct, make, swizzle, var
+from raymarch.expr.operations import operations_of
 from raymarch.expr.raw import slope as raw_slope
 from raymarch.expr.samples import sample_slope
 from raymarch.expr.types import BOOL, FLOAT, STATE, VEC2, VEC3, Type
@@ -246,16 +247,14 @@ def gradient(root: Expr, variable: Expr) -> Expr:
 
 def value_and_gradient(root: Expr, variable: Expr) -> tuple[Expr, Expr]:
     """The expression, rewritten to share subexpressions with its gradient, and the gradient."""
-    opened = _open([root], {variable})[0]
     (slope,) = merge_calls([raw_gradient(root, variable)], saving)
-    opened, slope = share_values([opened, slope])
-    return opened, slope
+    value, slope = share_values([opened(root, variable), slope])
+    return value, slope
 
 
 def raw_gradient(root: Expr, variable: Expr) -> Expr:
     """The gradient of a scalar expression before calls are merged or shared."""
-    opened = _open([root], {variable})[0]
-    return backpropagate(opened, variable).get(variable, zero(variable.type))
+    return backpropagate(opened(root, variable), variable).get(variable, zero(variable.type))
 
 
 def opened(root: Expr, variable: Expr) -> Expr:
@@ -356,11 +355,6 @@ LEAVES = 256
 """Maximum number of nested choices that are examined."""
 
 
-def _choices(tree: Expr) -> list[Expr]:
-    """The nested choices of a value and their leaves, arguments first; the value alone if there are too many."""
-    return topological([tree], sides, limit=2 * LEAVES) or [tree]
-
-
 class _Masks:
     """The adjoints that are 0 on a side of a choice.
 
@@ -388,27 +382,14 @@ class _Masks:
 def _taken(adjoint: Expr, mask: Sequence[Expr]) -> Expr:
     """The choice between those leaves of an adjoint that are not 0."""
     nothing = zero(adjoint.type)
-    taken: dict[Expr, Expr | None] = {}
-    for node in mask:
-        if node.op != "where":
-            taken[node] = None if node is nothing else node
-            continue
-        yes, no = taken[node.args[1]], taken[node.args[2]]
-        taken[node] = no if yes is None else yes if no is None else v.where(node.args[0], yes, no)
-    inner = taken[adjoint]
+    inner = fold_choices(mask, lambda leaf: None if leaf is nothing else leaf, if_both(v.where))
     return nothing if inner is None else inner
 
 
 def _masked(term: Expr, adjoint: Expr, mask: Sequence[Expr]) -> Expr:
     """The term where an adjoint is not 0, else 0."""
     nothing, nowhere = zero(term.type), zero(adjoint.type)
-    new: dict[Expr, Expr] = {}
-    for node in mask:
-        if node.op == "where":
-            new[node] = v.where(node.args[0], new[node.args[1]], new[node.args[2]])
-        else:
-            new[node] = nothing if node is nowhere else term
-    return new[adjoint]
+    return fold_choices(mask, lambda leaf: nothing if leaf is nowhere else term, v.where)
 
 
 def _accumulate(adjoints: dict[Expr, Expr], node: Expr, term: Expr | None, adjoint: Expr, mask: Sequence[Expr]) -> None:
@@ -420,12 +401,9 @@ def _accumulate(adjoints: dict[Expr, Expr], node: Expr, term: Expr | None, adjoi
 
 
 def map_choices(change: Callable[[Expr], Expr], tree: Expr) -> Expr:
-    """A function of a value; of a choice, the choice between the function's values."""
-    new: dict[Expr, Expr] = {}
-    for node in _choices(tree):
-        changed = [new[side] for side in sides(node) if side in new]
-        new[node] = v.where(node.args[0], *changed) if changed else change(node)
-    return new[tree]
+    """A function of a value; of a choice, the choice between the function's values, unless there are too many."""
+    order = topological([tree], sides, limit=2 * LEAVES)
+    return fold_choices(order, change, v.where) if order else change(tree)
 
 
 def add_choices(a: Expr, b: Expr) -> Expr:
@@ -585,12 +563,8 @@ def _open(roots: Sequence[Expr], variables: set[Expr]) -> list[Expr]:
 
 
 def _opened_body(definition: Function, moving: tuple[bool, ...]) -> Expr:
-    key = ("opened", moving)
-    if key not in definition.derived:
-        variables = {p for p, moves in zip(definition.params, moving, strict=True) if moves}
-        definition.derived[key] = _open([definition.body], variables)[0]
-    result: Expr = definition.derived[key]
-    return result
+    variables = {p for p, moves in zip(definition.params, moving, strict=True) if moves}
+    return definition.once(("opened", moving), lambda: _open([definition.body], variables)[0])
 
 
 def companion(definition: Function, along: int = 0) -> Function:
@@ -601,15 +575,25 @@ def companion(definition: Function, along: int = 0) -> Function:
     definition : a scalar function.
     along : index of the vec2 or vec3 parameter of the gradient.
     """
-    key = ("companion", along)
-    if key not in definition.derived:
+
+    def make() -> Function:
         value, slope = value_and_gradient(definition.body, definition.params[along])
-        body = construct(slope, value)
-        made = Function(f"{definition.name}_gradient", definition.params, body, definition.names, definition.where)
-        made.derived["gradient of"] = definition
-        definition.derived[key] = made
-    result: Function = definition.derived[key]
-    return result
+        return gradient_function(definition, construct(slope, value))
+
+    return definition.once(("companion", along), make)
+
+
+def gradient_function(definition: Function, both: Expr) -> Function:
+    """The function that returns `both`, the gradient and the value of another function."""
+    made = Function(f"{definition.name}_gradient", definition.params, both, definition.names, definition.where)
+    made.derived["gradient of"] = definition
+    return made
+
+
+def state_gradient(definition: Function, both: Expr) -> Function:
+    """State the companion of a function, which is then not derived. both : gradient and value."""
+    definition.derived["companion", 0] = made = gradient_function(definition, both)
+    return made
 
 
 # Loops.
@@ -648,8 +632,9 @@ def tangents(roots: Sequence[Expr], seeds: Sequence[Mapping[Expr, Expr]]) -> lis
 
 def directional_derivatives(root: Expr, variable: Expr, directions: Sequence[Expr]) -> list[Expr]:
     """Directional derivatives of an expression with respect to a variable, one for each direction."""
-    opened = _open([root], {variable})
-    return [moved[0] for moved in tangents(opened, [{variable: direction} for direction in directions])]
+    return [
+        moved[0] for moved in tangents([opened(root, variable)], [{variable: direction} for direction in directions])
+    ]
 
 
 def _forward(node: Expr, incoming: Sequence[Expr], partials: Mapping[Expr, Partials]) -> Expr:

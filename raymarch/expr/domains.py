@@ -84,10 +84,8 @@ def outside(op: str, args: tuple[Expr, ...], number: float) -> Expr | None:
         return None
     terms = zip(*[_stretched(t, first) for t in first.args], strict=True) if first.op in ("add", "sub") else None
     least = [-ROUNDING * sum((abs(t) for t in pair[1:]), abs(pair[0])) for pair in terms] if terms else None
-    found = []
-    for k, x in enumerate(_parts(first)):
-        found.append(_if(x < (least[k] if least else 0.0), number, x))
-    return merged(found)
+    parts = _parts(first)
+    return merged(_if(x < limit, number, x) for x, limit in zip(parts, least or [0.0] * len(parts), strict=True))
 
 
 def _stretched(value: Expr, over: Expr) -> list[Expr]:
@@ -95,10 +93,8 @@ def _stretched(value: Expr, over: Expr) -> list[Expr]:
     return parts * over.type.size if len(parts) == 1 else parts
 
 
-def _is_positive(e: Expr, depth: int = 4) -> bool:
+def _is_positive(e: Expr) -> bool:
     """True if the structure of an expression proves that it is larger than 0 (constants: not 0)."""
-    if depth == 0:
-        return False
     match e.op:
         case "const":
             return e.type is not BOOL and bool((e.data != 0).all())

@@ -96,10 +96,7 @@ def _rule(node: Expr, reading: Reading, rules: Mapping[str, Rule]) -> Rule:
 
 
 def _call_rule(definition: Function, reading: Reading) -> Rule:
-    key = ("program", reading)
-    if key not in definition.derived:
-        definition.derived[key] = Program([definition.body], definition.params, reading)
-    program = definition.derived[key]
+    program = definition.once(("program", reading), lambda: Program([definition.body], definition.params, reading))
     return lambda _node, *args: program(*args)[0]
 
 

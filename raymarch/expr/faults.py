@@ -81,14 +81,14 @@ def plain(definition: Function) -> Function:
     """The function without probes."""
     if not find(definition.inner, "probe"):
         return definition
-    if "plain" not in definition.derived:
+
+    def make() -> Function:
         reading = _Reading(checks=False)
         (body,) = reading.read([definition.body], 0)
         names = {reading.values[e]: name for e, name in definition.names.items() if e in reading.values}
-        made = Function(definition.name, definition.params, body, names, definition.where)
-        definition.derived["plain"] = made
-    result: Function = definition.derived["plain"]
-    return result
+        return Function(definition.name, definition.params, body, names, definition.where)
+
+    return definition.once("plain", make)
 
 
 def faults_of(definition: Function) -> Function | None:
@@ -96,25 +96,21 @@ def faults_of(definition: Function) -> Function | None:
 
     Codes from outside of any probe have the site 0; the caller replaces it by its own node.
     """
-    if "faults" not in definition.derived:
+
+    def make() -> Function | None:
         found = first_fault([definition.body])
-        made = None
-        if found is not None:
-            made = Function(f"{definition.name}_faults", definition.params, found, {}, definition.where)
-        definition.derived["faults"] = made
-    result: Function | None = definition.derived["faults"]
-    return result
+        name = f"{definition.name}_faults"
+        return None if found is None else Function(name, definition.params, found, where=definition.where)
+
+    return definition.once("faults", make)
 
 
-def first_fault(roots: Sequence[Expr], kind: int = 1) -> Expr | None:
-    """The first fault in some expressions; None if none is possible.
-
-    kind : kind of the fault if a root that is no probe is not finite.
-    """
+def first_fault(roots: Sequence[Expr]) -> Expr | None:
+    """The first fault in some expressions; None if none is possible."""
     reading = _Reading()
     reading.read(roots, 0)
     found = [reading.faults[root] for root in roots]
-    ends = [not_finite(reading.values[root], code(kind, 0)) for root in roots if root.op != "probe"]
+    ends = [not_finite(reading.values[root], code(1, 0)) for root in roots if root.op != "probe"]
     return merged([*found, *ends])
 
 

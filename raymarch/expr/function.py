@@ -11,7 +11,7 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import CodeType, MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 from weakref import WeakValueDictionary
 
 from raymarch.errors import Location, SceneError, is_users
@@ -19,6 +19,8 @@ from raymarch.expr.convert import short
 from raymarch.expr.node import Expr, Operand, const, elementwise, expr, make, var
 from raymarch.expr.types import BOOL, FLOAT, STATE, Type
 from raymarch.expr.walk import free_variables, substitute
+
+T = TypeVar("T")
 
 _functions: WeakValueDictionary[tuple[Any, ...], Function] = WeakValueDictionary()
 """All functions by content, so that unpickling returns the existing object."""
@@ -50,6 +52,12 @@ class Function:
 
     def __deepcopy__(self, memo: Any) -> Function:
         return self
+
+    def once(self, key: Any, make: Callable[[], T]) -> T:
+        """The derived object of a key, made when it is first asked for."""
+        if key not in self.derived:
+            self.derived[key] = make()
+        return self.derived[key]
 
     @property
     def type(self) -> Type:

@@ -12,6 +12,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import count
 from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
 
@@ -797,7 +798,7 @@ class FunctionPrinter:
         """The body of a loop over new variables, with the captured values substituted."""
         body: Loop = node.data
         n = len(body.state)
-        serial = next_serial()
+        serial = next(_serials)
         index = var(f"turn {serial}", FLOAT)
         state = tuple(var(f"state {serial} {k}", s.type) for k, s in enumerate(body.state))
         replacements = dict(
@@ -825,19 +826,19 @@ class FunctionPrinter:
             self.names[state] = self._name(self.wanted.get(state) or _default_name(state))
             declared = self.text.dialect.declare(state.type, self.names[state], changes=True)
             self._statement(declared, pieces[node.args[k]], ";", node)
-            self.names[_item(node, k, state.type)] = self.names[state]
+            self.names[make("item", state.type, (node,), k)] = self.names[state]
         if node.data.is_branch:
             self._print_branch(node, opened)
             return
         counter = self._name("i")
         self.names[opened.index] = self.text.dialect.number(counter)
-        count = node.data.count
-        kept = node.data.kept and count < TURNS
-        self.lines.append(Line("    " * self.indent + self.text.dialect.loop(counter, TURNS if kept else count), node))
+        most = node.data.count
+        kept = node.data.kept and most < TURNS
+        self.lines.append(Line("    " * self.indent + self.text.dialect.loop(counter, TURNS if kept else most), node))
         self.indent += 1
         if kept:
             before, after = self.text.dialect.leave
-            over = f"{self.text.dialect.number(counter)} >= {literal(count)}"
+            over = f"{self.text.dialect.number(counter)} >= {literal(most)}"
             self.lines.append(Line("    " * self.indent + before + over + after, node))
         outside = dict(self.names)
         roots = ([opened.until] if opened.until is not None else []) + list(opened.step)
@@ -898,16 +899,8 @@ class _OpenLoop:
     hoisted: list[Expr]
 
 
-_serial = [0]
-
-
-def next_serial() -> int:
-    _serial[0] += 1
-    return _serial[0]
-
-
-def _item(loop_expr: Expr, k: int, type: Type) -> Expr:
-    return make("item", type, (loop_expr,), k)
+_serials = count(1)
+"""Numbers of loops that are printed, which make their variables distinct."""
 
 
 def _mentions(text: str, name: str) -> bool:

@@ -188,14 +188,14 @@ def _forget(dead: ref[Expr]) -> None:
             del _interned[dead.key]
 
 
-def make(op: str, type: Type, args: tuple[Expr, ...] = (), data: Any = None, cls: type[Expr] = Expr) -> Expr:
+def make(op: str, type: Type, args: tuple[Expr, ...] = (), data: Any = None) -> Expr:
     """The unique expression of this operation, arguments and data, without simplification (see `simplify`)."""
     key = (op, type, args, (data.tobytes(), data.dtype.char) if isinstance(data, np.ndarray) else data)
     known = _interned.get(key)
     found = None if known is None else known()
     if found is not None:
         return found
-    node = object.__new__(cls)
+    node = object.__new__(Expr)
     node.op, node.type, node.args, node.data, node.below = op, type, args, data, None
     node.where = None if op == "const" else _creation_line()
     mine = _Interned(node, _forget)

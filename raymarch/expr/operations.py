@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from raymarch.expr.function import Function
 from raymarch.expr.node import Expr
 from raymarch.expr.walk import topological
 
@@ -21,6 +22,12 @@ def operations(roots: Sequence[Expr], turns: bool = True) -> int:
     return outside + sum(inside)
 
 
+def operations_of(definition: Function) -> int:
+    """Operations of one call, remembered."""
+    outside, inside = _counted_once(definition, True)
+    return outside + sum(inside)
+
+
 def straight_lines(roots: Sequence[Expr]) -> list[int]:
     """Operations of each part of the text without branches, with functions written out at each call: the text outside
     of loops, and the body of each loop."""
@@ -33,10 +40,7 @@ def _counted(roots: Sequence[Expr], turns: bool) -> tuple[int, list[int]]:
     outside, inside = 0, list[int]()
     for node in topological(roots):
         if node.op == "call":
-            known, key = node.data.derived, ("operations", turns)
-            if key not in known:
-                known[key] = _counted(node.data.inner, turns)
-            count, loops = known[key]
+            count, loops = _counted_once(node.data, turns)
             outside += count
             inside += loops
         elif node.op == "loop":
@@ -46,3 +50,7 @@ def _counted(roots: Sequence[Expr], turns: bool) -> tuple[int, list[int]]:
         elif node.op not in FREE:
             outside += max([a.type.size for a in node.args]) if node.args else 1
     return outside, inside
+
+
+def _counted_once(definition: Function, turns: bool) -> tuple[int, list[int]]:
+    return definition.once(("operations", turns), lambda: _counted(definition.inner, turns))

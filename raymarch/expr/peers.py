@@ -6,7 +6,7 @@ write, as a user would write it.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from difflib import get_close_matches
 
 from raymarch.errors import SceneError, UnknownNameError
@@ -250,12 +250,11 @@ def _nearest(name: str, names: Collection[str]) -> str | None:
     return close[0] if close else None
 
 
-def meant(name: str, names: Iterable[str], owner: str = "") -> str:
+def meant(name: str, known: Sequence[str]) -> str:
     """ "did you mean 'lights'? " for a parameter that other tools have, or that is close to a known one, or nothing.
 
-    names : the parameters that are legal. owner : the class or function.
+    known : the parameters that are legal.
     """
-    known = list(names)
     other = PARAMETERS.get(key(name))
     if other not in known and key(name) == "size":  # of a shape that has another measure
         other = next((measure for measure in ("height", "radius") if measure in known), None)

@@ -141,17 +141,18 @@ def glsl_helper(dimension: int, constant: bool = False) -> str:
     constant : the numbers are in the array `constant_numbers`, and the data are an ivec3 or ivec4: where they start,
     and their size along each axis.
     """
-    ints = f"ivec{dimension}"
+    text = _in_plane if dimension == 2 else _in_space
     if not constant:
-        text = _in_plane if dimension == 2 else _in_space
         return text(f"sampler{dimension}D", "textureSize(data, 0)", lambda at: f"texelFetch(data, {at}, 0).r")
-    type, size = f"ivec{dimension + 1}", "data.yz" if dimension == 2 else "data.yzw"
-    row = "at.y" if dimension == 2 else "(at.y + data.z * at.z)"
-    read = (
-        f"float constant_number({type} data, {ints} at) {{\n"
-        f"    return constant_numbers[data.x + at.x + data.y * {row}];\n}}\n\n"
+    type, size, row = (
+        ("ivec3", "data.yz", "at.y") if dimension == 2 else ("ivec4", "data.yzw", "(at.y + data.z * at.z)")
     )
-    return read + (_in_plane if dimension == 2 else _in_space)(type, size, lambda at: f"constant_number(data, {at})")
+    read = f"""float constant_number({type} data, ivec{dimension} at) {{
+    return constant_numbers[data.x + at.x + data.y * {row}];
+}}
+
+"""
+    return read + text(type, size, lambda at: f"constant_number(data, {at})")
 
 
 def _in_plane(type: str, size: str, read: Callable[[str], str]) -> str:

@@ -100,8 +100,7 @@ def run(
         value = known.get(key(request))
         if value is None:
             stack.append((request, start(request)))
-    result: Below = value
-    return result
+    return value
 
 
 def rebuild(node: Expr, args: tuple[Expr, ...]) -> Expr:

@@ -16,11 +16,11 @@ from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import max, min, where
 from raymarch.plan.hoisting import Hoisting
 from raymarch.sdf.booleans import hard_union
-from raymarch.sdf.facts import Facts
-from raymarch.sdf.intersections import FARTHEST, NAMES, has_closed_form, interval_of_ray, is_placed
+from raymarch.sdf.facts import FARTHEST, Facts
+from raymarch.sdf.intersections import NAMES, has_closed_form, interval_of_ray, is_placed
 from raymarch.sdf.labels import flattened
 from raymarch.sdf.lower import Lowering
-from raymarch.sdf.node import Node
+from raymarch.sdf.node import Node, replaced
 
 MOST = 24
 """Largest number of solids that are solved by `Quality(analytic=None)`; of more, only the unbounded ones are. More
@@ -154,16 +154,13 @@ def _apart(root: Node) -> list[Node]:
         elif not has_closed_form(inner):
             return [root]
         else:
-            found.append(reduce(_placed, reversed(above), node))
+            found.append(reduce(_under, reversed(above), node))
     return found if len(found) > 1 else [root]
 
 
-def _placed(node: Node, transform: Node) -> Node:
+def _under(node: Node, transform: Node) -> Node:
     """A node under a transform that another node has."""
-    definition, params = transform.definition, transform.params
-    made = Node(definition, (node,), params, definition.derive((node,), params))
-    made.where = transform.where
-    return made
+    return replaced(transform, (node,), facts=transform.definition.derive((node,), transform.params))
 
 
 def _around(boxes: Sequence[Facts]) -> Facts:

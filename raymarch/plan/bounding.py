@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import Location
 from raymarch.expr.arrays import evaluator
-from raymarch.expr.derivative import companion
+from raymarch.expr.derivative import companion, state_gradient
 from raymarch.expr.function import Function, loop
 from raymarch.expr.node import Expr, const, construct, make, swizzle, var
 from raymarch.expr.operations import operations
@@ -26,7 +26,7 @@ from raymarch.expr.vocabulary import abs, length, max, min, where
 from raymarch.expr.walk import find, rebuild, rewrite, substitute
 from raymarch.plan.hoisting import Hoisting
 from raymarch.sdf.booleans import balanced, hard_union
-from raymarch.sdf.facts import Facts
+from raymarch.sdf.facts import FARTHEST, Facts
 from raymarch.sdf.node import Node
 
 LEAST = 700
@@ -37,8 +37,6 @@ FEWEST = 4
 
 ROLLED = 400
 """Least number of operations of a loop that compilers must not unroll."""
-
-FARTHEST = 1e30
 
 SOME = 1e-30
 """A distance above 0, so that the bound inside of a box, 0, is less."""
@@ -119,13 +117,6 @@ def value_and_gradient(field: Function, *args: Expr) -> tuple[Expr, Expr]:
     """The value of a field and its gradient, computed together."""
     both = companion(field)(*args)
     return swizzle(both, "w"), swizzle(both, "xyz")
-
-
-def state_gradient(field: Function, both: Expr) -> None:
-    """State the gradient of a field, which is then not derived. both : gradient and value."""
-    made = Function(f"{field.name}_gradient", field.params, both, field.names, field.where)
-    made.derived["gradient of"] = field
-    field.derived["companion", 0] = made
 
 
 def nearer(found: Sequence[Expr], best: Sequence[Expr]) -> list[Expr]:

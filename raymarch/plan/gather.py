@@ -24,7 +24,7 @@ from raymarch.sdf.booleans import hard_union
 from raymarch.sdf.instancing import instanced
 from raymarch.sdf.labels import rows_of
 from raymarch.sdf.lower import Lowering
-from raymarch.sdf.node import Node, children_first
+from raymarch.sdf.node import Node, at_line_of, children_first, replaced
 from raymarch.sdf.placing import labelled
 from raymarch.sdf.rows import Form, Moving, Rows, Slot
 from raymarch.sdf.solids import sphere
@@ -131,7 +131,7 @@ class _Gatherer:
             rows = self._blend(node, family, k)
             if rows is not None:
                 self._keep(rows, exact)
-                return self._placed(instanced(rows), node)
+                return at_line_of(node, instanced(rows))
             return self._below(node, exact + _margin(family, k, len(node.children)), depth)
         if name == "labelled" and node.children[0].labelled and not self._is_constant(node.label):
             # Some objects have materials of their own, the others inherit one that is no row of numbers.
@@ -158,11 +158,7 @@ class _Gatherer:
         children = tuple(self.visit(child, exact, depth + 1) for child in node.children)
         if all(a is b for a, b in zip(children, node.children, strict=True)):
             return node
-        return self._placed(Node(node.definition, children, node.params, node.facts, node.label), node)
-
-    def _placed(self, made: Node, old: Node) -> Node:
-        made.where, made.variable = old.where, old.variable
-        return made
+        return replaced(node, children)
 
     def _refuse_instances(self, node: Node) -> None:
         if any(rows_of(each) is not None for each in all_nodes(node)[1:]):
@@ -195,7 +191,7 @@ class _Gatherer:
             made = self._below(node, exact, depth)
             if above is None:
                 return made
-            return above if made is node else self._placed(self._labelled(made, above.label), above)
+            return above if made is node else at_line_of(above, self._labelled(made, above.label))
         chosen = {i for some in (groups, moving) for members in some.values() for i in members}
         rest = [i for i, operand in enumerate(operands) if i not in chosen and rows_of(operand) is None]
         children = [self.visit(operands[i], exact, depth + 1) for i in rest]
@@ -205,15 +201,15 @@ class _Gatherer:
                 forms = [self._form([operands[i] for i in members], members) for members in some.values()]
                 rows = self._rows(forms, instances, len(operands))
                 self._keep(rows, exact)
-                children.append(self._placed(instanced(rows), node))
+                children.append(at_line_of(node, instanced(rows)))
         if len(children) == 1:
             return children[0]
-        return self._placed(Node(hard_union.definition, tuple(children), {}, node.facts), node)  # type: ignore[attr-defined]
+        return replaced(node, tuple(children))
 
     def _labelled(self, node: Node, label: Any) -> Node:
         made = Node(labelled.definition, (node,), {}, node.facts, label)  # type: ignore[attr-defined]
         self.kept.append(made)
-        return self._placed(made, node)
+        return at_line_of(node, made)
 
     def _operands(self, node: Node, given: Any) -> list[Node]:
         """The operands of nested hard unions; the label of a union becomes that of its operands."""
@@ -249,7 +245,7 @@ class _Gatherer:
             return None
         forms = [self._form([node.children[i] for i in members], members) for members in groups.values()]
         made = self._rows(forms, [], len(node.children))
-        return changed(made, k=k, family=family, _made={})
+        return changed(made, k=k, family=family)
 
     def _rows(self, forms: list[tuple[Form, list[tuple[Any, ...]]]], given: Sequence[Rows], first: int) -> Rows:
         """The rows of some forms, and of instances that stand in the same union."""
@@ -361,8 +357,7 @@ class _Gatherer:
                 used[1] += 1
                 label = Slot(used[1])
             children = tuple(symbolic(child) for child in node.children)
-            made = Node(node.definition, children, params, node.facts, label)
-            made.where, made.variable = node.where, node.variable
+            made = replaced(node, children, params, label=label)
             if divisor is not None:
                 divisors[id(made)] = divisor
             return made

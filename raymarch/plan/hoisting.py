@@ -19,20 +19,7 @@ from raymarch.expr.types import FLOAT, Type
 from raymarch.expr.walk import find, rebuild, rewrite, topological
 from raymarch.scene.parameter import Spec, Value, Values
 
-NEVER_HOISTED = {
-    "var",
-    "apply",
-    "cell",
-    "loop",
-    "item",
-    "mark",
-    "sample",
-    "sample_slope",
-    "fetch",
-    "texture",
-    "raw",
-    "raw_slope",
-}
+NEVER_HOISTED = frozenset("var apply cell loop item mark sample sample_slope fetch texture raw raw_slope".split())
 """Operations that depend on the point, or that only the shader can evaluate."""
 
 

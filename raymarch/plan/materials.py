@@ -9,10 +9,11 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from raymarch.expr.choices import merge_calls, operations_of
+from raymarch.expr.choices import merge_calls
 from raymarch.expr.derivative import add_choices, map_choices, opened, raw_gradient, saving, share_values
 from raymarch.expr.function import Function
 from raymarch.expr.node import Expr, const, construct, make, swizzle, var
+from raymarch.expr.operations import operations_of
 from raymarch.expr.tables import Table, fetch
 from raymarch.expr.types import FLOAT, VEC3, Type, struct
 from raymarch.expr.vocabulary import abs, get, normalize, parts_of, record, where

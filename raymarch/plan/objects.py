@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.expr.arrays import Remembered, bound
-from raymarch.expr.derivative import gradient
+from raymarch.expr.derivative import gradient, state_gradient
 from raymarch.expr.function import Function, loop
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, const, construct, expr, swizzle, var
@@ -19,11 +19,12 @@ from raymarch.expr.tables import MOST, LiveTable, Table, fetch
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import all_of, clamp, dot, floor, length, normalize, where
 from raymarch.expr.walk import substitute
-from raymarch.plan.bounding import nearer, state_gradient, value_and_gradient
+from raymarch.plan.bounding import nearer, value_and_gradient
 from raymarch.plan.cells import PAIRS, Cells, build
 from raymarch.scene.scene import Scene, all_nodes
 from raymarch.sdf.blends import FAMILIES
-from raymarch.sdf.rows import FARTHEST, Rows
+from raymarch.sdf.facts import FARTHEST
+from raymarch.sdf.rows import Rows
 
 TOGETHER = 4
 """Forms that share a loop: a form costs less than reading a list twice. Compilers take long for each texture fetch."""

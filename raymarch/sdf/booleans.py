@@ -162,8 +162,7 @@ def _choose(name: str, nodes: tuple[Node, ...], k: Any, blend: str, steps: int, 
         nodes = tuple({id(node): node for node in nodes}.values())
     if len(nodes) == 1:
         return nodes[0]
-    made: Node = hard(nodes) if sharp else smooth(nodes, k, blend, steps)
-    return made
+    return hard(nodes) if sharp else smooth(nodes, k, blend, steps)
 
 
 @method

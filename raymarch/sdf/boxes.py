@@ -14,12 +14,13 @@ import numpy as np
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.function import function
-from raymarch.expr.node import Expr, const
+from raymarch.expr.node import Expr
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import all_of, clamp, cross, dot, length, max, min, normalize, sqrt, vec2, vec3, where
 from raymarch.sdf.definition import cube, shape
 from raymarch.sdf.domain import Direction, Fits, Length, NonNegative, Positive, Size2, Size3, Vec3
 from raymarch.sdf.facts import Exactness
+from raymarch.sdf.solids import along_axes
 
 __all__ = [
     "box_frame",
@@ -32,8 +33,6 @@ __all__ = [
     "triangle",
     "triangular_prism",
 ]
-
-_FAR = const(np.inf)
 
 
 def smallest(v: Expr) -> Expr:
@@ -93,12 +92,9 @@ def box_frame(p: Expr, size: Size3 = (1.6, 1.2, 1.4), thickness: Positive = 0.15
 
 def _slab_bounds(normal: Any, thickness: Any, offset: Any) -> tuple[Expr, Expr]:
     """Bounded along an axis that the normal lies along."""
-    x, y, z = normal
-    off_axis = (y * y + z * z, z * z + x * x, x * x + y * y)
     half = 0.5 * thickness
-    lower = [where(o <= 0.0, n * offset - half, -_FAR) for o, n in zip(off_axis, normal, strict=True)]
-    upper = [where(o <= 0.0, n * offset + half, _FAR) for o, n in zip(off_axis, normal, strict=True)]
-    return vec3(*lower), vec3(*upper)
+    lower = [where(along, n * offset - half, -np.inf) for along, n in along_axes(normal)]
+    return vec3(*lower), vec3(*[where(along, n * offset + half, np.inf) for along, n in along_axes(normal)])
 
 
 def _slab_symmetry(normal: Any, thickness: Any, offset: Any) -> str:

@@ -32,7 +32,17 @@ from raymarch.sdf.definition import Child, ChildFacts, at_least, operator
 from raymarch.sdf.domain import Domain, Scalar, Size3, Vec3, Vector, Whole
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.node import Node
-from raymarch.sdf.repetition import INFINITE, UNBOUNDED, box_of_copies, cells_of, check_centred, limited
+from raymarch.sdf.repetition import (
+    INFINITE,
+    UNBOUNDED,
+    box_of_copies,
+    cells_of,
+    check_centred,
+    guarded,
+    limited,
+    outermost,
+    shift_of,
+)
 
 __all__ = ["repeat_varied"]
 
@@ -59,13 +69,8 @@ ANY = Cells((-np.inf,) * 3, (np.inf,) * 3)
 CellsOf = Annotated[Any, Domain(None, holds=Cells)]
 
 
-def _reach(spacing: Expr, counts: Sequence[int]) -> Expr:
-    """Offsets from the origin to the centres of the outermost cells."""
-    return vec3(*[np.inf if n == INFINITE else 0.5 * (n - 1) for n in counts]) * spacing
-
-
 def _bounds(child: ChildFacts, cells: Cells, spacing: Expr, nx: int, ny: int, nz: int, **_: Any) -> tuple[Expr, Expr]:
-    reach = _reach(spacing, (nx, ny, nz))
+    reach = vec3(*map(outermost, (nx, ny, nz))) * spacing
     return child.lower - reach, child.upper + reach
 
 
@@ -75,7 +80,7 @@ def _check_room(child: Facts, cells: Cells, spacing: Expr, nx: int, ny: int, nz:
     for i, n in enumerate((nx, ny, nz)):
         low, high = child.lower[i], child.upper[i]
         fits = n == 1 or 2.0 * np.maximum(-low, high) <= width[i] * (1 + 1e-12)
-        reach = 0.0 if n == 1 else np.inf if n == INFINITE else 0.5 * (n - 1) * interval_of(spacing)[1][i]
+        reach = 0.0 if n == 1 else outermost(n) * interval_of(spacing)[1][i]
         m, h = middle.data[i], half.data[i] * (1 + 1e-12)
         if not fits or (h < UNBOUNDED and not (m - h <= low - reach and high + reach <= m + h)):
             raise SceneError("varied_cells: the solid does not fit its cell", legal="repeat_varied(build, spacing)")
@@ -104,7 +109,7 @@ def varied_cells(
         if n == 1:
             lookups.append([(p[i], expr(0.0), None)])
             continue
-        shift = 0.5 if n and n % 2 == 0 else 0.0
+        shift = shift_of(n)
         along = p[i] / spacing[i] - shift
         own = limited(round(along), n)
         local = along - own
@@ -122,8 +127,7 @@ def _look_up(child: Child, cells: Cells, choice: Sequence[tuple[Expr, Expr, Expr
     value = child(construct(*[q for q, _, _ in choice]))
     index = construct(*[cell for _, cell, _ in choice])
     distance = make(value.op, value.type, (*value.args, cells.index, index), value.data)
-    gaps = [gap for _, _, gap in choice if gap is not None]
-    return at_least(distance, balanced(gaps, max)) if gaps else distance
+    return guarded(distance, [gap for _, _, gap in choice])
 
 
 @checked

@@ -23,12 +23,22 @@ from raymarch.expr.node import Expr, construct, expr
 from raymarch.expr.vocabulary import abs as absolute
 from raymarch.expr.vocabulary import atan2, cos, length, max, min, mod, round, sin, vec3, where
 from raymarch.sdf.booleans import balanced
-from raymarch.sdf.definition import Child, ChildFacts, at_least, operator
+from raymarch.sdf.definition import Child, ChildFacts, around_y, at_least, operator
 from raymarch.sdf.domain import Angle, Count, Domain, Scalar, Size3, Vec4, Vector, Whole, as_length
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.node import Node, method, solid
 from raymarch.sdf.placing import rotation_matrix, translate
-from raymarch.sdf.repetition import INFINITE, MOST, UNBOUNDED, cells_of, check_centred, each_axis, limited, repeat
+from raymarch.sdf.repetition import (
+    MOST,
+    UNBOUNDED,
+    cells_of,
+    check_centred,
+    each_axis,
+    limited,
+    outermost,
+    repeat,
+    shift_of,
+)
 
 # Around the y axis
 
@@ -54,8 +64,7 @@ def _polar_bounds(child: ChildFacts, count: int, evaluated: int, **_: Any) -> tu
     """The box of all copies; for very many copies, that of the cylinder which contains them."""
     if count > MANY or evaluated == GUARDED:
         corner = max(absolute(child.lower), absolute(child.upper))
-        reach = length(corner.xz)
-        return vec3(-reach, child.lower.y, -reach), vec3(reach, child.upper.y, reach)
+        return around_y(length(corner.xz), child.lower.y, child.upper.y)
     turns = [rotation_matrix(expr(UP), expr(-math.tau * i / count)) @ child.box for i in range(count)]
     return balanced(turns, min), balanced(turns, max)
 
@@ -209,7 +218,7 @@ def _mirrored_bounds(child: ChildFacts, spacing: Expr, nx: int, ny: int, nz: int
     counts = (nx, ny, nz)
     low, high = [], []
     for i, n in enumerate(counts):
-        reach = (np.inf if n == INFINITE else 0.5 * (n - 1)) * spacing[i]
+        reach = outermost(n) * spacing[i]
         low.append((-child.upper[i] if (n // 2) % 2 else child.lower[i]) - reach)
         high.append((-child.lower[i] if ((n - 1) // 2) % 2 else child.upper[i]) + reach)
     return construct(*low), construct(*high)
@@ -244,7 +253,7 @@ def mirrored_cells(
         if n == 1:
             parts.append(p[i])
             continue
-        shift = 0.5 if n and n % 2 == 0 else 0.0  # an even number of cells has a wall at the origin
+        shift = shift_of(n)
         cell = limited(round(p[i] / spacing[i] - shift), n)
         turn = 1.0 - 2.0 * mod(cell, 2.0)
         parts.append(turn * (p[i] - spacing[i] * (cell + shift)))

@@ -18,7 +18,7 @@ from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.function import function, loop
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, const
-from raymarch.expr.tables import Table, fetch
+from raymarch.expr.tables import Table
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import (
     abs,
@@ -43,7 +43,7 @@ from raymarch.sdf.booleans import balanced
 from raymarch.sdf.definition import shape
 from raymarch.sdf.domain import Domain, Points3, Positive, Vec3, shown
 from raymarch.sdf.facts import Exactness
-from raymarch.sdf.flat import AS_TEXT, FARTHEST
+from raymarch.sdf.flat import AS_TEXT, nearest_piece
 
 __all__ = ["bezier_tube", "helix", "polyline_tube"]
 
@@ -97,13 +97,7 @@ def polyline_tube(
         return sqrt(balanced([segment_squared(p, a, b) for a, b in pairwise(corners)], min)) - radius
     rows = np.concatenate([corners, np.zeros((len(corners), 1))], axis=1)
     table = Table(rows, f"a tube through {len(corners)} points")
-
-    def step(i: Expr, nearest: Expr, a: Expr) -> tuple[Expr, Expr]:
-        b = fetch(table, i + 1.0)
-        return min(nearest, segment_squared(p, a.xyz, b.xyz)), b
-
-    nearest, _ = loop(len(corners) - 1, [FARTHEST, fetch(table, 0.0)], step)
-    return sqrt(nearest) - radius
+    return sqrt(nearest_piece(table, lambda a, b: segment_squared(p, a.xyz, b.xyz))) - radius
 
 
 # The quadratic Bezier curve, in space and in the plane

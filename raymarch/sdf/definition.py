@@ -16,14 +16,14 @@ from typing import Any, Concatenate, Literal, ParamSpec, TypeAlias
 import numpy as np
 
 from raymarch.errors import Location, SceneError
-from raymarch.expr.calls import checked
+from raymarch.expr.calls import bad_call, checked
 from raymarch.expr.convert import described, short
 from raymarch.expr.evaluate import Program
 from raymarch.expr.function import Function, trace
 from raymarch.expr.intervals import INTERVALS, Interval
 from raymarch.expr.node import Expr, const, expr, make, var
-from raymarch.expr.peers import meant
 from raymarch.expr.types import BOOL, FLOAT, MAT2, MAT3, VEC2, VEC3, Type, vector
+from raymarch.expr.vocabulary import vec3
 from raymarch.expr.walk import find
 from raymarch.sdf.builder import Builder
 from raymarch.sdf.domain import Domain, Fits, domain_of, interval_of_value
@@ -56,10 +56,6 @@ class ChildFacts:
         """Corners of a box around all points at which the child's field is no larger than a distance >= 0."""
         margin = self.spread * distance
         return self.lower - margin, self.upper + margin
-
-
-def _are_numbers(values: Sequence[Any]) -> bool:
-    return all(isinstance(value, int | float) for value in values)
 
 
 @dataclass(eq=False, slots=True)
@@ -117,28 +113,16 @@ class Definition:
 
     def _bind(self, args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> dict[str, Any]:
         names = list(self.domains)
-        if len(args) > len(names):
+        given = {**dict(zip(names, args, strict=False)), **kwargs}
+        needed = self.domains.keys() - self.defaults.keys()
+        if len(given) < len(args) + len(kwargs) or not needed <= given.keys() <= self.domains.keys():
             first = self.domains[names[0]].type if names else None
-            if first is not None and first.is_vector and len(args) == first.size and _are_numbers(args):
-                shown = ", ".join(map(repr, args))
-                raise SceneError(f"{self.called} takes one vector", legal=f"{self.called}(({shown}))")
-            most = f"{len(names)} parameter{'s' * (len(names) != 1)}"
-            raise SceneError(f"{self.called} takes {most}, {len(args)} were given", legal=self.usage)
-        given = dict(zip(names, args, strict=False))
-        for name, value in kwargs.items():
-            if name not in self.domains:
-                legal = f"{meant(name, self.domains)}{self.usage}"
-                raise SceneError(f"{self.called} has no parameter '{name}'", legal=legal)
-            if name in given:
-                raise SceneError(f"{self.called} was given '{name}' twice", legal=self.usage)
-            given[name] = value
-        for name in names:
-            if name not in given and name not in self.defaults:
-                raise SceneError(f"{self.called} needs '{name}'", legal=self.usage)
-        return {
-            name: domain.accept(self.called, name, given.get(name, self.defaults.get(name)))
-            for name, domain in self.domains.items()
-        }
+            vector = first is not None and first.is_vector and len(args) == first.size
+            fault = bad_call(self.called, names, needed, args, kwargs, len(names), vector, self.usage)
+            assert fault is not None
+            raise fault
+        given = {**self.defaults, **given}
+        return {name: domain.accept(self.called, name, given[name]) for name, domain in self.domains.items()}
 
     @property
     def usage(self) -> str:
@@ -182,11 +166,9 @@ class Definition:
             if number.op != "const" or number.type is BOOL:
                 continue
             if not np.all(np.isfinite(number.data)):
-                what = (
-                    f"{self.called} holds {np.asarray(number.data).tolist()}: a constant is divided by 0, or too large"
-                )
+                what = f"{self.called} holds {number.data.tolist()}: a constant is divided by 0, or too large"
             elif node is not number and not np.all(number.data):
-                what = f"{self.called} divides by {np.asarray(number.data).tolist()}"
+                what = f"{self.called} divides by {number.data.tolist()}"
             else:
                 continue
             raise SceneError(what, legal="finite numbers, and divisors that are not 0", where=self.where)
@@ -296,15 +278,10 @@ class Definition:
         inputs = list(symbols.values())
         children = []
         for i in range(n_children):
-            facts = ChildFacts(
-                var(f"box {i}", box),
-                var(f"lower {i}", box),
-                var(f"upper {i}", box),
-                var(f"lipschitz {i}", FLOAT),
-                var(f"spread {i}", FLOAT),
-            )
-            inputs += [facts.box, facts.lower, facts.upper, facts.lipschitz, facts.spread]
-            children.append(facts)
+            facts = [var(f"{name} {i}", box) for name in ("box", "lower", "upper")]
+            facts += [var(f"{name} {i}", FLOAT) for name in ("lipschitz", "spread")]
+            inputs += facts
+            children.append(ChildFacts(*facts))
         arguments = {**symbols, **dict(self.statics(params))}
         extra: tuple[Any, ...] = (children,) if self.arity == "many" else tuple(children)
         region = self.bounds(*extra, **arguments)
@@ -315,12 +292,7 @@ class Definition:
             )
         lower, upper = corners
         steep, spread = _value(self.lipschitz, extra, arguments), _value(self.spread, extra, arguments)
-        roots = [
-            expr(lower),
-            expr(upper),
-            expr(0.0 if steep is None else steep),
-            expr(np.inf if spread is None else spread),
-        ]
+        roots = [*map(expr, (lower, upper, 0.0 if steep is None else steep, np.inf if spread is None else spread))]
         return Program(roots, inputs, INTERVALS), steep is not None
 
 
@@ -619,6 +591,11 @@ def cube(half: Any) -> tuple[Expr, Expr]:
     corner = expr(half)
     corner = expr((corner,) * 3) if corner.type is FLOAT else corner
     return -corner, corner
+
+
+def around_y(radius: Any, low: Any, high: Any) -> tuple[Expr, Expr]:
+    """The box of a solid of revolution about the y axis, by its largest radius and its lowest and highest points."""
+    return vec3(-radius, low, -radius), vec3(radius, high, radius)
 
 
 EVERYWHERE = (const([-np.inf] * 3), const([np.inf] * 3))

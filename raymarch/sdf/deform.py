@@ -16,7 +16,7 @@ from raymarch.errors import SceneError
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.vocabulary import abs, clamp, cos, length, max, min, sin, sqrt, vec2, vec3
-from raymarch.sdf.definition import Child, ChildFacts, operator
+from raymarch.sdf.definition import Child, ChildFacts, around_y, operator
 from raymarch.sdf.domain import Length, NonNegative, Number, Positive, Scalar, Vec3, Vector, as_operand
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.node import Node, method, solid
@@ -62,7 +62,7 @@ def twist_slope(rate: Scalar, reach: Scalar) -> Expr:
 
 
 @operator(
-    bounds=lambda child, reach: (vec3(-reach, child.lower.y, -reach), vec3(reach, child.upper.y, reach)),
+    bounds=lambda child, reach: around_y(reach, child.lower.y, child.upper.y),
     lipschitz=lambda child, rate, reach: child.lipschitz * twist_slope(rate, reach),
     spread=lambda child: max(child.spread, 1.0),
     check=_check_reach("xz"),
@@ -113,6 +113,11 @@ def bend(node: Node, rate: Scalar = 0.5) -> Node:
     return bend_about_z(node, rate, _reach(node, "bend", "xy"))
 
 
+def _widest(rate: Scalar, low: Scalar, high: Scalar) -> Expr:
+    """The larger factor of the two ends of a taper."""
+    return max(1.0 + rate * low, 1.0 + rate * high)
+
+
 def taper_slope(rate: Scalar, reach: Scalar, low: Scalar, high: Scalar) -> Expr:
     """Largest singular value of (x, y) -> (x / s(y), y), with x / s(y) up to reach times the widest over s."""
     bottom, top = 1.0 + rate * low, 1.0 + rate * high
@@ -120,11 +125,6 @@ def taper_slope(rate: Scalar, reach: Scalar, low: Scalar, high: Scalar) -> Expr:
     a, b = 1.0 / least, reach * most * abs(rate) / (least * least)
     square = a * a + b * b + 1.0
     return sqrt(0.5 * (square + sqrt(square * square - 4.0 * a * a)))
-
-
-def _tapered_bounds(child: ChildFacts, rate: Expr, reach: Expr, low: Expr, high: Expr) -> tuple[Expr, Expr]:
-    wide = max(1.0 + rate * low, 1.0 + rate * high) * reach
-    return vec3(-wide, low, -wide), vec3(wide, high, wide)
 
 
 def _check_taper(child: Facts, rate: Expr, reach: Expr, low: Expr, high: Expr) -> None:
@@ -142,16 +142,16 @@ def _check_taper(child: Facts, rate: Expr, reach: Expr, low: Expr, high: Expr) -
 
 
 @operator(
-    bounds=_tapered_bounds,
+    bounds=lambda child, rate, reach, low, high: around_y(_widest(rate, low, high) * reach, low, high),
     lipschitz=lambda child, rate, reach, low, high: child.lipschitz * taper_slope(rate, reach, low, high),
-    spread=lambda child, rate, low, high: max(child.spread, 1.0) * max(1.0, max(1.0 + rate * low, 1.0 + rate * high)),
+    spread=lambda child, rate, low, high: max(child.spread, 1.0) * max(1.0, _widest(rate, low, high)),
     check=_check_taper,
     called="taper",
 )
 def taper_along_y(p: Expr, child: Child, rate: Number, reach: Positive, low: Length, high: Length) -> Expr:
     """Scale across the y axis by a factor that grows with y."""
     y = clamp(p.y, low, high)
-    wide = max(1.0 + rate * low, 1.0 + rate * high) * reach
+    wide = _widest(rate, low, high) * reach
     radius = length(p.xz)
     held = p.xz * (wide / max(radius, wide))
     width = 1.0 + rate * y

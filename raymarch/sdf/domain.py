@@ -98,20 +98,17 @@ class Domain:
         return unit(given) if self.direction else given
 
     def _accept_static(self, node: str, name: str, value: Any) -> Any:
-        if self.points:
-            return self._accept_points(node, name, value)
         what = f"{node}: {name}"
+        if self.points:
+            array = numbers(what, value, self.legal)
+            if array.ndim != 2 or array.shape[1] != self.points or len(array) < 2 or not holdable(array):
+                raise SceneError(f"{what} = {short(value)}", legal=self.legal)
+            return tuple(map(tuple, array.tolist()))
         if self.holds is bool:
             return switch(what, value)
         if self.holds is not int:
             return instance(what, plain(value) if self.holds is str else value, self.holds, self.legal)
         return integer(what, value, self.low, self.high, self.legal)
-
-    def _accept_points(self, node: str, name: str, value: Any) -> tuple[tuple[float, ...], ...]:
-        array = numbers(f"{node}: {name}", value, self.legal)
-        if array.ndim != 2 or array.shape[1] != self.points or len(array) < 2 or not holdable(array):
-            raise SceneError(f"{node}: {name} = {short(value)}", legal=self.legal)
-        return tuple(tuple(map(float, point)) for point in array)
 
     def _check(self, node: str, name: str, value: Any, given: Expr) -> None:
         low, high = interval_of(given)
@@ -193,6 +190,15 @@ def _expression(value: Any) -> Expr:
     if isinstance(value, str):
         raise SceneError(f"{short(value)} is a string", legal="a number, a vector or an expression")
     return expr(value)
+
+
+def corners_of(what: str, bounds: Any, legal: str) -> NDArray[np.float64]:
+    """Two corners of a box, lower < upper, shape (2, 3); infinite where it is unbounded."""
+    given = numbers(what, bounds, legal)
+    ordered = given.shape == (2, 3) and np.all(given[0] < given[1])
+    if not ordered or not all(holdable(end) or np.isinf(end) for end in given.flat):
+        raise SceneError(f"{what} = {short(bounds)}", legal=legal)
+    return given
 
 
 def as_length(what: str, value: Any, legal: str = "a number > 0, or None") -> Expr:

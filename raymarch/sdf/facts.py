@@ -8,6 +8,9 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+FARTHEST = 1e30
+"""Beyond every distance: stands for infinity where float32 must hold the number and its differences."""
+
 Exactness: TypeAlias = Literal["exact", "bound", "estimate"]
 ORDER: tuple[Exactness, ...] = ("exact", "bound", "estimate")
 

@@ -10,7 +10,7 @@ itself, where rays end.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import reduce
 from itertools import pairwise
 from typing import Annotated, Any
@@ -27,6 +27,7 @@ from raymarch.expr.types import VEC2
 from raymarch.expr.vocabulary import clamp, dot, length, max, min, normalize, sqrt, vec2, where
 from raymarch.sdf.definition import cube, shape
 from raymarch.sdf.domain import Domain, Fits, NonNegative, Points2, Positive, Size2, Vec2, require, shown
+from raymarch.sdf.facts import FARTHEST
 
 __all__ = [
     "circle",
@@ -158,10 +159,6 @@ def _enclosed_by_rows(p: Expr, corners: NDArray[np.float64]) -> Expr:
     return nearest
 
 
-FARTHEST = 1e30
-"""Beyond every distance."""
-
-
 def mirrors(corners: NDArray[np.float64]) -> str:
     """The axes along which a closed polyline is symmetric."""
     found = ""
@@ -182,8 +179,7 @@ def _turns(a: NDArray[Any], b: NDArray[Any], c: NDArray[Any]) -> NDArray[Any]:
 
 def _between(a: NDArray[Any], b: NDArray[Any], c: NDArray[Any]) -> NDArray[Any]:
     """True if c lies between a and b; all three are collinear."""
-    inside: NDArray[Any] = np.all((np.minimum(a, b) <= c) & (c <= np.maximum(a, b)), axis=-1)
-    return inside
+    return np.all((np.minimum(a, b) <= c) & (c <= np.maximum(a, b)), axis=-1)
 
 
 def _check_polygon(points: Points) -> None:
@@ -218,8 +214,7 @@ def _meet(a: NDArray[Any], b: NDArray[Any], c: NDArray[Any], d: NDArray[Any]) ->
     across = (abc * abd < 0) & (cda * cdb < 0)
     touch = (abc == 0) & _between(a, b, c) | (abd == 0) & _between(a, b, d)
     touch |= (cda == 0) & _between(c, d, a) | (cdb == 0) & _between(c, d, b)
-    met: NDArray[Any] = across | touch
-    return met
+    return across | touch
 
 
 def _bulges(corners: NDArray[np.float64]) -> bool:
@@ -460,10 +455,14 @@ def polyline(
     if len(points) <= AS_TEXT:
         return sqrt(reduce(min, [segment_squared(p, a, b) for a, b in pairwise(points)])) - 0.5 * thickness
     table = Table(np.array(points), f"a line through {len(points)} points")
+    return sqrt(nearest_piece(table, lambda a, b: segment_squared(p, a, b))) - 0.5 * thickness
+
+
+def nearest_piece(table: Table, distance: Callable[[Expr, Expr], Expr]) -> Expr:
+    """The smallest of the distances to the pieces between consecutive points of a table, by one loop."""
 
     def step(i: Expr, nearest: Expr, a: Expr) -> tuple[Expr, Expr]:
         b = fetch(table, i + 1.0)
-        return min(nearest, segment_squared(p, a, b)), b
+        return min(nearest, distance(a, b)), b
 
-    nearest, _ = loop(len(points) - 1, [FARTHEST, fetch(table, 0.0)], step)
-    return sqrt(nearest) - 0.5 * thickness
+    return loop(len(table.values) - 1, [FARTHEST, fetch(table, 0.0)], step)[0]

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.calls import checked
-from raymarch.expr.convert import LARGEST, called, numbers, short
+from raymarch.expr.convert import called, numbers, short
 from raymarch.expr.function import loop
 from raymarch.expr.node import Expr, Operand, const, expr
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import abs as absolute
 from raymarch.expr.vocabulary import clamp, dot, length, max, min, normalize, rotation2, vec3
 from raymarch.sdf.definition import Child, at_least, operator, shape
-from raymarch.sdf.domain import Count, Domain, Factor, Scalar, as_operand
+from raymarch.sdf.domain import Count, Domain, Factor, Scalar, as_operand, corners_of
 from raymarch.sdf.node import Node
 
 __all__ = ["ball_fold", "box_fold", "fold_fractal", "plane_fold"]
@@ -160,14 +160,7 @@ def fold_fractal(
 
 def _corners(bounds: Any) -> Corners:
     legal = "a number > 0, or two corners of three numbers, lower < upper"
-    given = numbers("fold_fractal: bounds", bounds, legal)
-    if given.shape == ():
-        given = np.stack([np.full(3, -given), np.full(3, given)])
-    if given.shape != (2, 3) or not np.all(
-        (given[0] < given[1]) & ~((np.abs(given) > LARGEST) & np.isfinite(given)).any(axis=0)
-    ):
-        raise SceneError(
-            f"fold_fractal: bounds = {short(bounds)}",
-            legal="a number > 0, or two corners of three numbers, lower < upper",
-        )
-    return tuple(given[0].tolist()), tuple(given[1].tolist())
+    half = numbers("fold_fractal: bounds", bounds, legal)
+    given = np.outer((-half, half), np.ones(3)) if half.ndim == 0 and half > 0.0 else bounds
+    lower, upper = corners_of("fold_fractal: bounds", given, legal).tolist()
+    return tuple(lower), tuple(upper)

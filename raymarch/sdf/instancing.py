@@ -108,8 +108,7 @@ def rows_from(node: Node, transforms: ArrayLike, materials: Any) -> Rows:
         "empty": facts.empty,
         "of unknown spread": not np.isfinite(facts.spread),
     }
-    if any(wrong.values()):
-        what = next(what for what, found in wrong.items() if found)
+    if (what := next((what for what, found in wrong.items() if found), None)) is not None:
         legal = "a bounded solid that is exact or a bound, with spread=... if it is a shape of your own"
         raise SceneError(f"instances of {node.name}, which is {what}", legal=legal)
     body = lower(node).body

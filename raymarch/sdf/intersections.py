@@ -2,7 +2,7 @@
 
 Each function takes the origin and the unit direction of a ray in the object space of a shape, and the parameters of the
 shape. It returns the distances (enter, exit) at which the line enters and leaves the solid; enter > exit if the line
-misses it. Distances before the origin are negative.
+misses it. Distances before the origin are negative; those beyond `FARTHEST` are no hits.
 """
 
 from __future__ import annotations
@@ -17,14 +17,12 @@ from raymarch.expr.node import Expr, Operand
 from raymarch.expr.types import FLOAT, VEC2, VEC3
 from raymarch.expr.vocabulary import abs, dot, length, max, min, sqrt, transpose, vec2, where
 from raymarch.sdf.definition import Definition
+from raymarch.sdf.facts import FARTHEST
 from raymarch.sdf.node import Node
 from raymarch.sdf.placing import affine, rotate_about, rotation_matrix, scale_evenly, translate
 from raymarch.sdf.rounds import cone, ellipsoid
 from raymarch.sdf.solids import box, capsule, cylinder, plane, sphere
 from raymarch.sdf.visibility import visible
-
-FARTHEST = 1e30
-"""Stands for infinity. Larger distances are no hits."""
 
 TINY = 1e-20
 """Smallest rate at which a ray approaches a plane. A parallel ray meets the plane far away, on its side."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from raymarch.sdf.node import Node, children_first
+from raymarch.sdf.node import Node, at_line_of, children_first, replaced
 
 
 def flattened(node: Node) -> list[Node]:
@@ -63,12 +63,9 @@ def relabelled(root: Node, change: Callable[[Any], Any]) -> Node:
         if rows is not None and rows.labelled:
             from raymarch.sdf.instancing import instanced, with_labels
 
-            made[id(node)] = instanced(with_labels(rows, change))
-            made[id(node)].where = node.where
-            continue
-        if all(a is b for a, b in zip(children, node.children, strict=True)) and label is node.label:
+            made[id(node)] = at_line_of(node, instanced(with_labels(rows, change)))
+        elif all(a is b for a, b in zip(children, node.children, strict=True)) and label is node.label:
             made[id(node)] = node
         else:
-            made[id(node)] = Node(node.definition, children, node.params, node.facts, label)
-            made[id(node)].where = node.where
+            made[id(node)] = replaced(node, children, label=label)
     return made[id(root)]

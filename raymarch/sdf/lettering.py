@@ -75,8 +75,7 @@ def _first_crossing(rows: Array) -> Array:
 
 def _middle(data: Samples) -> Array:
     low, high = _solid_box(data)
-    middle: Array = 0.5 * (low + high)
-    return middle
+    return 0.5 * (low + high)
 
 
 def _steepness(data: Samples) -> float:

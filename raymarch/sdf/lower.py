@@ -26,6 +26,7 @@ from raymarch.expr.vocabulary import clamp, cross, dot, length, max, min, normal
 from raymarch.expr.walk import find, free_variables, rebuild, rewrite, run, substitute, topological
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.definition import FLOOR
+from raymarch.sdf.facts import FARTHEST
 from raymarch.sdf.labels import cutting, flattened, rows_of
 from raymarch.sdf.node import Node, called_by_nodes
 from raymarch.sdf.variables import assignment_of
@@ -41,10 +42,6 @@ _PRIMES = (1.0, 127.0, 16381.0)
 
 UNMARKED = object()
 """Replaces a label if no materials are needed."""
-
-
-FARTHEST = 1e30
-"""In place of the infinite sides of a box."""
 
 
 class _Unlabelled:
@@ -544,11 +541,12 @@ def _evaluations(node: Node) -> list[int]:
     if not node.children:
         return []
     template = node.definition.template(len(node.children), node.params)
-    if "evaluations" not in template.derived:
+
+    def count() -> list[int]:
         asked = [part.data for part in topological([template.body]) if part.op == "apply"]
-        template.derived["evaluations"] = [asked.count(i) for i in range(len(node.children))]
-    times: list[int] = template.derived["evaluations"]
-    return times
+        return [asked.count(i) for i in range(len(node.children))]
+
+    return template.once("evaluations", count)
 
 
 def lower(node: Node) -> Function:

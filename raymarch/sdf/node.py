@@ -91,8 +91,7 @@ class Node:
 
     def _repr_png_(self) -> bytes:
         """The picture of the node, for notebooks; drawn by `raymarch.export`, a layer above this package."""
-        drawn: bytes = import_module("raymarch.export.notebook").png(self)
-        return drawn
+        return import_module("raymarch.export.notebook").png(self)
 
     # Facts
 
@@ -141,8 +140,7 @@ class Node:
         -------
         shape (N,), or () for one point. Parameters have their default values, time is 0.
         """
-        result: NDArray[np.float64] = METHODS["evaluate_distance"](self, self._points(points))
-        return result
+        return METHODS["evaluate_distance"](self, self._points(points))
 
     def gradient(self, points: ArrayLike) -> NDArray[np.float64]:
         """Gradient of the distance in float64: the outward normal where the field is exact.
@@ -155,8 +153,7 @@ class Node:
         -------
         the same shape as `points`. On edges and medial axes, where the gradient does not exist, that of one side or 0.
         """
-        result: NDArray[np.float64] = METHODS["evaluate_gradient"](self, self._points(points))
-        return result
+        return METHODS["evaluate_gradient"](self, self._points(points))
 
     def _points(self, points: ArrayLike) -> NDArray[np.float64]:
         array = numbers("points", points, f"(N, {self.dimension}) or ({self.dimension},)")
@@ -166,8 +163,7 @@ class Node:
 
     def glsl(self) -> str:
         """The field alone, as GLSL text: `float field(vec3 p)` and the functions that it calls."""
-        text: str = METHODS["print_field"](self)
-        return text
+        return METHODS["print_field"](self)
 
     # Combining
 
@@ -189,8 +185,7 @@ class Node:
         return self._call(name, other)
 
     def _call(self, name: str, *args: Any, **kwargs: Any) -> Node:
-        result: Node = METHODS[name](self, *args, **kwargs)
-        return result
+        return METHODS[name](self, *args, **kwargs)
 
     if TYPE_CHECKING:  # `method` adds them
         union, intersection, difference = booleans.union, booleans.intersection, booleans.difference
@@ -286,11 +281,37 @@ def method(function: F) -> F:
     return checked(function)
 
 
+_KEPT = object()
+
+
+def replaced(
+    node: Node,
+    children: tuple[Node, ...],
+    params: Mapping[str, Any] | None = None,
+    facts: Facts | None = None,
+    label: Any = _KEPT,
+) -> Node:
+    """The node with other children, and other parameters, facts or label where given; at the same line of the user."""
+    made = Node(
+        node.definition,
+        children,
+        node.params if params is None else params,
+        node.facts if facts is None else facts,
+        node.label if label is _KEPT else label,
+    )
+    return at_line_of(node, made)
+
+
+def at_line_of(node: Node, made: Node) -> Node:
+    """A new node that belongs to the user's line and variable of another one."""
+    made.where, made.variable = node.where, node.variable
+    return made
+
+
 def solid(what: str, node: Any) -> Node:
     """The node. SceneError if it is none, or a flat shape. what : the operation on it, for the message."""
     if not isinstance(node, Node) or node.dimension != 3:
-        shown = f"{described(node)}"
-        raise SceneError(f"{what} of {shown}", legal="a solid such as sphere()")
+        raise SceneError(f"{what} of {described(node)}", legal="a solid such as sphere()")
     return node
 
 

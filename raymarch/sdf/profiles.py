@@ -15,7 +15,7 @@ from raymarch.expr.node import Expr
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import clamp, cos, length, max, min, sin, sqrt, square, vec2, vec3, where
 from raymarch.sdf.booleans import hull, widest
-from raymarch.sdf.definition import Child, ChildFacts, combination, operator
+from raymarch.sdf.definition import Child, ChildFacts, around_y, combination, operator
 from raymarch.sdf.domain import Domain, Length, Positive, Scalar, Word, shown
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.node import Node, method
@@ -142,15 +142,10 @@ def _exact_if_clear(child: Facts, offset: Expr) -> Exactness:
     return "exact" if clear or _mirrored(child, offset) else "bound"
 
 
-def _turned_bounds(child: ChildFacts, offset: Any) -> tuple[Expr, Expr]:
-    reach = child.upper.x + offset
-    return vec3(-reach, child.lower.y, -reach), vec3(reach, child.upper.y, reach)
-
-
 @method
 @operator(
     exactness=_exact_if_clear,
-    bounds=_turned_bounds,
+    bounds=lambda child, offset: around_y(child.upper.x + offset, child.lower.y, child.upper.y),
     lipschitz=1.0,
     symmetry=lambda child: "xyz" if "y" in child.symmetry else "xz",
     spread=lambda child: child.spread,

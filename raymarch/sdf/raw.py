@@ -8,16 +8,16 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from raymarch.errors import SceneError, user_location
 from raymarch.expr.calls import checked
-from raymarch.expr.convert import choice, numbers, real, short
+from raymarch.expr.convert import choice, real, short
 from raymarch.expr.glsl import identifier
 from raymarch.expr.node import Expr, const
 from raymarch.expr.raw import RawFunction, Twin, raw, without_comments
 from raymarch.sdf.definition import shape
-from raymarch.sdf.domain import Domain
+from raymarch.sdf.domain import Domain, corners_of
 from raymarch.sdf.facts import ORDER, Exactness
 from raymarch.sdf.node import Node
 
@@ -42,8 +42,7 @@ class RawField:
 
 def _waves(points: NDArray[Any]) -> NDArray[Any]:
     x, y, z = points.T
-    heights: NDArray[Any] = y - 0.2 * np.sin(2.0 * x) * np.cos(1.5 * z)
-    return heights
+    return y - 0.2 * np.sin(2.0 * x) * np.cos(1.5 * z)
 
 
 WAVES = RawField(
@@ -114,19 +113,10 @@ def glsl_node(
         raise SceneError(
             f"glsl_node: twin = {short(twin)}", legal="a function from points (N, 3) to values (N,), or None"
         )
-    lower, upper = _corners(bounds)
+    legal = "two corners of three numbers each, lower < upper"
+    everywhere = (-np.inf,) * 3, (np.inf,) * 3
+    lower, upper = corners_of("glsl_node: bounds", everywhere if bounds is None else bounds, legal)
     edges = upper - lower
     size = float(np.max(edges[np.isfinite(edges)], initial=0.0)) or 1.0
     function = RawFunction(name, code.strip("\n"), twin, size, user_location())
     return raw_field(RawField(function, exactness, float(lipschitz), tuple(lower.tolist()), tuple(upper.tolist())))
-
-
-def _corners(bounds: ArrayLike | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    if bounds is None:
-        return np.full(3, -np.inf), np.full(3, np.inf)
-    corners = numbers("glsl_node: bounds", bounds, "two corners of three numbers each, lower < upper")
-    if corners.shape != (2, 3) or not np.all(corners[0] < corners[1]):
-        raise SceneError(
-            f"glsl_node: bounds = {short(bounds)}", legal="two corners of three numbers each, lower < upper"
-        )
-    return corners[0], corners[1]

@@ -32,11 +32,20 @@ UNBOUNDED = 1e30
 """Half the extent of an unbounded box: larger than any coordinate, and small enough for float32."""
 
 
+def outermost(n: int) -> float:
+    """Distance from the middle of n copies to the centre of the outermost one, in spacings."""
+    return np.inf if n == INFINITE else 0.5 * (n - 1)
+
+
+def shift_of(n: int) -> float:
+    """Position of the cell of index 0, in spacings: an even number of cells has a wall at the origin."""
+    return 0.5 if n and n % 2 == 0 else 0.0
+
+
 def _bounds(child: ChildFacts, spacing: Expr, centre: Expr, nx: int, ny: int, nz: int, **_: int) -> tuple[Expr, Expr]:
     """The box of the outermost copies. An axis without repetition has one copy."""
-    counts = (nx, ny, nz)[: len(spacing)]
-    reach = construct(*[np.inf if n == INFINITE else 0.5 * (n - 1) for n in counts])
-    return child.lower - reach * spacing, child.upper + reach * spacing
+    reach = construct(*map(outermost, (nx, ny, nz)[: len(spacing)])) * spacing
+    return child.lower - reach, child.upper + reach
 
 
 def _exact_if_apart(child: Facts, spacing: Expr, nx: int, ny: int, nz: int, guard: int, **_: Any) -> Exactness:
@@ -85,7 +94,7 @@ def repeat_cells(
     lookups: list[list[tuple[Expr, Expr | None]]] = [[(p[i], None)] for i in range(len(p))]
     unseen = []
     for i in axes:
-        shift = 0.5 if counts[i] and counts[i] % 2 == 0 else 0.0
+        shift = shift_of(counts[i])
         along = (p[i] - centre[i]) / spacing[i] - shift
         cell = round(along)
         local = along - cell
@@ -95,7 +104,10 @@ def repeat_cells(
             cells.append((cell + side, (0.5 - abs(local)) * spacing[i]))
             unseen.append((0.5 + abs(along - limited(cell, counts[i]))) * spacing[i])
         lookups[i] = [(p[i] - spacing[i] * (limited(c, counts[i]) + shift), gap) for c, gap in cells]
-    distances = [_lookup(child, choice, bool(guard)) for choice in product(*lookups)]
+    distances = [
+        guarded(child(construct(*[q for q, _ in choice])), [gap for _, gap in choice if guard])
+        for choice in product(*lookups)
+    ]
     if not guard:
         return balanced(distances, min)
     aside = abs(p - middle) - half
@@ -109,10 +121,13 @@ def limited(cell: Expr, count: int) -> Expr:
     return clamp(cell, -float(count // 2), float((count - 1) // 2))
 
 
-def _lookup(child: Child, choice: Sequence[tuple[Expr, Expr | None]], guard: bool) -> Expr:
-    distance = child(construct(*[q for q, _ in choice]))
-    gaps = [gap for _, gap in choice if gap is not None]
-    return at_least(distance, balanced(gaps, max)) if guard and gaps else distance
+def guarded(distance: Expr, gaps: Sequence[Expr | None]) -> Expr:
+    """The field of the child in a cell, at least the distance to that cell: the largest of the gaps along the axes.
+
+    gaps : None along an axis where it is the point's own cell.
+    """
+    known = [gap for gap in gaps if gap is not None]
+    return at_least(distance, balanced(known, max)) if known else distance
 
 
 def each_axis(name: str, what: str, value: Any, dimension: int = 3) -> list[Any]:
@@ -152,9 +167,9 @@ def box_of_copies(node: Node, widths: Sequence[Expr], counts: Sequence[int]) -> 
     """Centre and half extents of the box around all copies."""
     middle, half = [], []
     for low, high, width, n in zip(*node.bounds, widths, counts, strict=True):
-        reach = 0.0 if n == 1 else 0.5 * (n - 1) * float(interval_of(width)[1])
+        reach = 0.0 if n == 1 else outermost(n) * float(interval_of(width)[1])
         bottom, top = float(low) - reach, float(high) + reach
-        bounded = n != INFINITE and np.isfinite(top - bottom)
+        bounded = np.isfinite(top - bottom)
         middle.append(0.5 * (bottom + top) if bounded else 0.0)
         half.append(0.5 * (top - bottom) if bounded else UNBOUNDED)
     return middle, half

@@ -33,7 +33,7 @@ from raymarch.expr.vocabulary import (
     where,
 )
 from raymarch.sdf.blends import smooth_min
-from raymarch.sdf.definition import cube, shape
+from raymarch.sdf.definition import around_y, cube, shape
 from raymarch.sdf.domain import (
     Acute,
     Domain,
@@ -70,8 +70,6 @@ __all__ = [
     "superquadric",
     "vesica",
 ]
-
-_FAR = const(np.inf)
 
 Roundness = Annotated[Any, Domain(FLOAT, low=0.05, high=2.0)]
 
@@ -222,7 +220,7 @@ def link(p: Expr, straight: NonNegative = 0.6, major: Positive = 0.45, minor: Po
 
 @shape(
     exactness="exact",
-    bounds=lambda radius: (vec3(-radius, -_FAR, -radius), vec3(radius, _FAR, radius)),
+    bounds=lambda radius: around_y(radius, -np.inf, np.inf),
     symmetry="xyz",
     convex=True,
 )
@@ -281,7 +279,7 @@ def cone(p: Expr, radius: NonNegative = 0.9, height: Positive = 1.6, top: NonNeg
     return where(inside > 0.0, sqrt(min(dot(to_side, to_side), dot(to_end, to_end))), inside)
 
 
-@shape(exactness="exact", bounds=lambda: (vec3(-_FAR), vec3(_FAR, 0.0, _FAR)), symmetry="xz", convex=True)
+@shape(exactness="exact", bounds=lambda: around_y(np.inf, -np.inf, 0.0), symmetry="xz", convex=True)
 def infinite_cone(p: Expr, half_angle: Acute = 0.5) -> Expr:
     """Infinite cone with its tip at the origin, opening along -y.
 
@@ -295,10 +293,7 @@ def infinite_cone(p: Expr, half_angle: Acute = 0.5) -> Expr:
 
 @shape(
     exactness="exact",
-    bounds=lambda bottom, top, height: (
-        vec3(-max(bottom, top), -0.5 * height - bottom, -max(bottom, top)),
-        vec3(max(bottom, top), 0.5 * height + top, max(bottom, top)),
-    ),
+    bounds=lambda bottom, top, height: around_y(max(bottom, top), -0.5 * height - bottom, 0.5 * height + top),
     symmetry="xz",
     check=Fits(
         lambda bottom, top, height: abs(bottom - top) < height,
@@ -366,16 +361,10 @@ def disc(p: Expr, radius: Positive = 0.8, thickness: NonNegative = 0.1) -> Expr:
 # Parts of balls
 
 
-def _quarter_sine(half_angle: Any) -> Expr:
-    """Largest distance of a sector of the unit ball from its axis."""
-    return where(half_angle < 0.5 * math.pi, sin(half_angle), 1.0)
-
-
 @shape(
     exactness="exact",
-    bounds=lambda radius, half_angle: (
-        radius * vec3(-_quarter_sine(half_angle), min(cos(half_angle), 0.0), -_quarter_sine(half_angle)),
-        radius * vec3(_quarter_sine(half_angle), 1.0, _quarter_sine(half_angle)),
+    bounds=lambda radius, half_angle: around_y(
+        radius * where(half_angle < 0.5 * math.pi, sin(half_angle), 1.0), radius * min(cos(half_angle), 0.0), radius
     ),
     symmetry="xz",
     convex=lambda half_angle: surely(half_angle <= 0.5 * math.pi),
@@ -401,14 +390,9 @@ def _rim(radius: Any, cut: Any) -> Expr:
     return sqrt((radius - cut) * (radius + cut))
 
 
-def _cut_sphere_bounds(radius: Any, cut: Any) -> tuple[Expr, Expr]:
-    wide = where(cut < 0.0, radius, _rim(radius, cut))
-    return vec3(-wide, cut, -wide), vec3(wide, radius, wide)
-
-
 @shape(
     exactness="exact",
-    bounds=_cut_sphere_bounds,
+    bounds=lambda radius, cut: around_y(where(cut < 0.0, radius, _rim(radius, cut)), cut, radius),
     symmetry="xz",
     check=Fits(lambda radius, cut: abs(cut) < radius, "-radius < cut < radius"),
     convex=True,
@@ -435,7 +419,7 @@ def _cut_hollow_exactness(radius: Any, cut: Any, thickness: Any) -> Exactness:
 
 def _cut_hollow_bounds(radius: Any, cut: Any, thickness: Any) -> tuple[Expr, Expr]:
     wide = where(cut < 0.0, _rim(radius, cut), radius) + 0.5 * thickness
-    return vec3(-wide, -radius - 0.5 * thickness, -wide), vec3(wide, cut + 0.5 * thickness, wide)
+    return around_y(wide, -radius - 0.5 * thickness, cut + 0.5 * thickness)
 
 
 @shape(
@@ -467,8 +451,7 @@ def _death_star_rim(radius: Any, bite: Any, distance: Any) -> tuple[Expr, Expr]:
 
 def _death_star_bounds(radius: Any, bite: Any, distance: Any) -> tuple[Expr, Expr]:
     rim, height = _death_star_rim(radius, bite, distance)
-    wide = where(height < 0.0, rim, radius)
-    return vec3(-wide, -radius, -wide), vec3(wide, height, wide)
+    return around_y(where(height < 0.0, rim, radius), -radius, height)
 
 
 @shape(

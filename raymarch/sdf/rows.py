@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import FLOAT32, FLOAT64, Remembered, bound, evaluator
-from raymarch.expr.derivative import companion
+from raymarch.expr.derivative import companion, state_gradient
 from raymarch.expr.function import Function, loop
 from raymarch.expr.node import Expr, const, construct, make, swizzle, var
 from raymarch.expr.tables import LiveTable, Table, fetch
@@ -27,14 +27,12 @@ from raymarch.expr.vocabulary import columns, where
 from raymarch.expr.vocabulary import min as minimum
 from raymarch.expr.walk import depends_on, find, substitute, topological
 from raymarch.sdf.booleans import balanced
+from raymarch.sdf.facts import FARTHEST
 from raymarch.sdf.labels import seen_labels
 from raymarch.sdf.lower import UNMARKED, Lowering
 from raymarch.sdf.node import Node
 
 Array: TypeAlias = NDArray[np.float64]
-
-FARTHEST = 1e30
-"""The distance to nothing, which float32 holds."""
 
 SPELLED = 2000
 """Maximum number of objects whose materials the reference evaluates: each is a part of the expression."""
@@ -224,8 +222,7 @@ class Columns:
     def distance(self, points: Array, rows: Any, dtype: Any = np.float64) -> Array:
         """Distances; points (..., 3) and rows, integers or a slice, are broadcast."""
         if dtype is np.float32:
-            narrow: Array = self._single(points, rows)
-            return narrow
+            return self._single(points, rows)
         (value,) = self._distance(points, *(column[rows] for column in self.values))
         return np.asarray(value, np.float64)
 
@@ -289,7 +286,6 @@ class Rows:
     k: float = 0.0
     family: str = ""
     given: tuple[Any, ...] | None = None
-    _made: dict[str, Any] = field(default_factory=dict)
 
     @cached_property
     def key(self) -> tuple[Any, ...]:
@@ -351,7 +347,19 @@ class Rows:
         """
         if len(self) > SPELLED:
             raise SceneError(f"materials of {len(self):,} instances on the CPU", legal=f"up to {SPELLED:,} instances")
-        return _spelled(self, label, point)
+        terms: list[tuple[int, Expr]] = []
+        for form in self.forms:
+            bodies: dict[Any, Expr] = {}
+            for row in range(len(form)):
+                key = tuple(form.slots[row])
+                if key not in bodies:
+                    bodies[key] = _with_materials(form.marked(Slot(0)), [self.materials[m] for m in key], label)
+                numbers = zip(form.leaves, form.numbers, strict=True)
+                known = {leaf: const(value[row], leaf.type) for leaf, value in numbers}
+                known[form.columns.point] = point
+                terms.append((int(form.order[row]), substitute([bodies[key]], known)[0]))
+        terms.sort(key=lambda term: term[0])
+        return balanced([value for _, value in terms], minimum)
 
     @cached_property
     def stored(self) -> Stored:
@@ -371,13 +379,10 @@ class Rows:
                 digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()[:12]
 
-    @property
+    @cached_property
     def field(self) -> Function:
         """The distance to all objects, which asks each of them: slow, and independent of cells."""
-        if "field" not in self._made:
-            self._made["field"] = _every_row(self)
-        result: Function = self._made["field"]
-        return result
+        return _every_row(self)
 
 
 class Stored:
@@ -434,15 +439,6 @@ class Stored:
         return result
 
 
-def gradient_at(rows: Rows, point: Expr, entry: Expr) -> Expr:
-    """Gradient and distance of the object at `entry`, a vec4."""
-    stored = rows.stored
-    return stored.choose(
-        entry,
-        [stored.called(i, companion(form.columns.field), point, entry) for i, form in enumerate(rows.forms)],
-    )
-
-
 MOST_TURNS = 1 << 15
 
 
@@ -453,9 +449,8 @@ def _every_row(rows: Rows) -> Function:
     for i, form in enumerate(rows.forms):
         nearest = _nearest_of(stored, i, len(form), form.columns.field, p, nearest)
     made = Function("instances_field", (p,), nearest[0])
-    slope = Function("instances_field_gradient", (p,), gradient_at(rows, p, nearest[1]))
-    slope.derived["gradient of"] = made
-    made.derived["companion", 0] = slope
+    slopes = [stored.called(i, companion(form.columns.field), p, nearest[1]) for i, form in enumerate(rows.forms)]
+    slope = state_gradient(made, stored.choose(nearest[1], slopes))
     for reading in (FLOAT64, FLOAT32):
         made.derived["program", reading] = lambda points, t=reading.dtype: (_distances(rows, points).astype(t),)
         slope.derived["program", reading] = lambda points, t=reading.dtype: (_gradients(rows, points).astype(t),)
@@ -544,22 +539,6 @@ def _written(node: Expr) -> str:
             data = data.name, _written(data.body)
         parts.append((e.op, str(data), *[number[a] for a in e.args]))
     return str(parts)
-
-
-def _spelled(rows: Rows, label: tuple[Any, Expr], point: Expr) -> Expr:
-    """The union of all objects as one expression with marks, each object by itself: for few objects."""
-    terms: list[tuple[int, Expr]] = []
-    for form in rows.forms:
-        bodies: dict[Any, Expr] = {}
-        for row in range(len(form)):
-            key = tuple(form.slots[row])
-            if key not in bodies:
-                bodies[key] = _with_materials(form.marked(Slot(0)), [rows.materials[m] for m in key], label)
-            known = {leaf: const(value[row], leaf.type) for leaf, value in zip(form.leaves, form.numbers, strict=True)}
-            known[form.columns.point] = point
-            terms.append((int(form.order[row]), substitute([bodies[key]], known)[0]))
-    terms.sort(key=lambda term: term[0])
-    return balanced([value for _, value in terms], minimum)
 
 
 def _with_materials(body: Expr, own: Sequence[Any], inherited: tuple[Any, Expr]) -> Expr:

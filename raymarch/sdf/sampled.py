@@ -101,8 +101,8 @@ BALL = _some_grid()
 @shape(
     exactness="bound",
     bounds=_solid_box,
-    lipschitz=lambda data, size: _steepness(data, size),
-    spread=lambda data, size: _grid_spread(data, size),
+    lipschitz=_steepness,
+    spread=_grid_spread,
 )
 def sampled_grid(p: Expr, data: Data = BALL, size: Size3 = (2.0, 2.0, 2.0), centre: Vec3 = (0.0, 0.0, 0.0)) -> Expr:
     """Distances on a regular grid whose outermost samples lie on the faces of a box."""
@@ -188,10 +188,14 @@ def _finite(what: str, values: ArrayLike, kind: str) -> NDArray[np.float64]:
     array = numbers(f"{what}: values", values, f"{kind}, (nx, ny, nz), each 2 to 2048")
     if array.ndim != 3:
         raise SceneError(f"{what}: values of shape {array.shape}", legal="(nx, ny, nz)")
-    broken = int(np.sum(~np.isfinite(array)))
-    if broken:
-        raise SceneError(f"{what}: {broken} of {array.size} values are not finite", legal="finite numbers")
+    _refuse_broken(what, ~np.isfinite(array), "values", "finite numbers")
     return array
+
+
+def _refuse_broken(what: str, broken: NDArray[np.bool_], of: str, legal: str) -> None:
+    """SceneError if some numbers are not finite, with how many."""
+    if broken.any():
+        raise SceneError(f"{what}: {np.sum(broken)} of {broken.size} {of} are not finite", legal=legal)
 
 
 LEVELS = 33
@@ -220,8 +224,7 @@ def _evened(array: NDArray[np.float64], cell: NDArray[np.float64]) -> tuple[NDAr
 def _over_ends(choose: Any, array: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
     """The larger or smaller of the two ends of each cell along an axis."""
     ends = np.moveaxis(array, axis, 0)
-    found: NDArray[np.float64] = np.moveaxis(choose(ends[:-1], ends[1:]), 0, axis)
-    return found
+    return np.moveaxis(choose(ends[:-1], ends[1:]), 0, axis)
 
 
 def _mapped(value: float, values: NDArray[np.float64], heights: NDArray[np.float64]) -> float:
@@ -326,9 +329,7 @@ def _load_mesh(file: Path, extent: float | None) -> tuple[Any, float, list[str]]
         raise SceneError(f"mesh: cannot read '{file}': {fault}", legal="a mesh file that trimesh reads") from fault
     if len(solid.faces) == 0:
         raise SceneError(f"mesh: '{file}' holds no triangles", legal="a watertight mesh, which has an inside")
-    broken = int(np.sum(~np.isfinite(solid.vertices).all(axis=1)))
-    if broken:
-        raise SceneError(f"mesh: '{file}': {broken} of {len(solid.vertices)} vertices are not finite", legal="numbers")
+    _refuse_broken(f"mesh: '{file}'", ~np.isfinite(solid.vertices).all(axis=1), "vertices", "numbers")
     middle, largest = solid.bounds.mean(axis=0), float(solid.extents.max())
     unit = float(2.0 ** np.rint(np.log2(largest))) if largest > 0.0 else 1.0
     solid.apply_scale(1.0 / unit)  # first: the tolerances of trimesh are lengths, and it ignores small translations
@@ -468,9 +469,7 @@ def luminance(source: str | os.PathLike[str] | ArrayLike, what: str) -> NDArray[
         array = numbers(f"{what}: source", source, f"an image file, or heights {legal}")
         if array.ndim != 2 or not 2 <= np.min(array.shape) <= np.max(array.shape) <= MOST:
             raise SceneError(f"{what}: heights of shape {array.shape}", legal=f"(rows, columns), {legal}")
-    broken = int(np.sum(~np.isfinite(array)))
-    if broken:
-        raise SceneError(f"{what}: {broken} of {array.size} heights are not finite", legal=legal)
+    _refuse_broken(what, ~np.isfinite(array), "heights", legal)
     return array
 
 

@@ -18,7 +18,7 @@ from raymarch.expr.walk import find, run, topological
 from raymarch.sdf.instancing import moved
 from raymarch.sdf.labels import rows_of
 from raymarch.sdf.lower import POSITION
-from raymarch.sdf.node import Node
+from raymarch.sdf.node import Node, at_line_of, replaced
 from raymarch.sdf.placing import rotation_matrix, translate
 from raymarch.sdf.repetition import INFINITE
 
@@ -87,18 +87,12 @@ def _within_a_cell(params: Any, by: Vector) -> Vector:
 
 
 def _again(node: Node, children: tuple[Node, ...], params: Any) -> Node:
-    """A node of the same definition, with the user's line of the original."""
-    made = Node(node.definition, children, params, node.definition.derive(children, params), node.label)
-    made.where = node.where
-    return made
+    """The node with other children and parameters, and the facts that follow."""
+    return replaced(node, children, params, node.definition.derive(children, params))
 
 
 def _translated(node: Node, by: Vector) -> Node:
-    if not np.any(by):
-        return node
-    made: Node = translate(node, tuple(-float(v) for v in by))
-    made.where = node.where
-    return made
+    return at_line_of(node, translate(node, _key(-by))) if np.any(by) else node
 
 
 def _reads_place(label: Any) -> bool:

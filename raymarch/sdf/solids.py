@@ -8,14 +8,12 @@ import numpy as np
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import SMALLEST
-from raymarch.expr.node import Expr, const, expr
+from raymarch.expr.node import Expr, expr
 from raymarch.expr.vocabulary import clamp, dot, length, max, min, vec2, vec3, where
 from raymarch.sdf.definition import cube, shape
 from raymarch.sdf.domain import Direction, Fits, Length, Positive, Size3, Vec3
 
 __all__ = ["box", "capsule", "cylinder", "plane", "sphere", "torus"]
-
-_FAR = const(np.inf)
 
 
 @shape(exactness="exact", bounds=lambda radius: cube(radius), symmetry="xyz", convex=True)
@@ -37,13 +35,17 @@ def box(p: Expr, size: Size3 = (1.0, 1.0, 1.0)) -> Expr:
     return length(max(q, 0.0)) + min(max(q.x, max(q.y, q.z)), 0.0)
 
 
-def _half_space_bounds(normal: Any, offset: Any) -> tuple[Expr, Expr]:
-    """Bounded on one side where the normal lies along an axis."""
+def along_axes(normal: Any) -> list[tuple[Expr, Expr]]:
+    """For each axis, whether a direction lies along it, and its component."""
     x, y, z = normal
     off_axis = (y * y + z * z, z * z + x * x, x * x + y * y)
-    lower = [where((off <= 0.0) & (n < 0.0), -offset, -_FAR) for off, n in zip(off_axis, normal, strict=True)]
-    upper = [where((off <= 0.0) & (n > 0.0), offset, _FAR) for off, n in zip(off_axis, normal, strict=True)]
-    return vec3(*lower), vec3(*upper)
+    return [(off <= 0.0, n) for off, n in zip(off_axis, normal, strict=True)]
+
+
+def _half_space_bounds(normal: Any, offset: Any) -> tuple[Expr, Expr]:
+    """Bounded on one side where the normal lies along an axis."""
+    lower = [where(along & (n < 0.0), -offset, -np.inf) for along, n in along_axes(normal)]
+    return vec3(*lower), vec3(*[where(along & (n > 0.0), offset, np.inf) for along, n in along_axes(normal)])
 
 
 @shape(exactness="exact", bounds=_half_space_bounds, convex=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr
 from raymarch.expr.vocabulary import abs as absolute
 from raymarch.expr.vocabulary import atan2, clamp, columns, cross, dot, length, max, min, sqrt, transpose, vec3, where
-from raymarch.sdf.definition import Child, ChildFacts, at_least, operator
+from raymarch.sdf.definition import Child, around_y, at_least, operator
 from raymarch.sdf.domain import Direction, Length, NonNegative, Scalar, Vec3, Vector, Whole, as_length
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.node import Node, method, solid
@@ -112,11 +111,6 @@ RELIEF = 0.125
 """Limit of distances inside the ring, as a fraction of its radius."""
 
 
-def _wrapped_bounds(child: ChildFacts, start: Expr, end: Expr, above: Expr, **_: Any) -> tuple[Expr, Expr]:
-    outer = (end - start) / math.tau + above
-    return vec3(-outer, child.lower.y, -outer), vec3(outer, child.upper.y, outer)
-
-
 def _check_wrapped(
     child: Facts, start: Expr, end: Expr, below: Expr, above: Expr, low: Expr, high: Expr, both: int
 ) -> None:
@@ -151,7 +145,13 @@ def _is_centred(child: Facts, start: Expr, end: Expr) -> bool:
     return "x" in child.symmetry and ends.is_constant and float(ends.data) == 0.0
 
 
-@operator(bounds=_wrapped_bounds, lipschitz=1.0, spread=1.0, check=_check_wrapped, called="wrap_around")
+@operator(
+    bounds=lambda child, start, end, above: around_y((end - start) / math.tau + above, child.lower.y, child.upper.y),
+    lipschitz=1.0,
+    spread=1.0,
+    check=_check_wrapped,
+    called="wrap_around",
+)
 def wrapped(
     p: Expr,
     child: Child,

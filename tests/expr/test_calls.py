@@ -34,7 +34,7 @@ WRONG = {
     ),
     "numbers in place of a vector": (
         lambda: rm.sphere().translate(1, 0, 0),  # type: ignore[call-arg]
-        r"translate takes one vector \(x, y, z\) \(translate\(\(1, 0, 0\)\)\)",
+        r"translate takes one vector \(translate\(\(1, 0, 0\)\)\)",
     ),
     "numbers in place of the vector of a shape": (
         lambda: rm.box(1, 2, 3),  # type: ignore[call-arg]

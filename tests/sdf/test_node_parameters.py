@@ -41,7 +41,7 @@ REFUSED: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
     "shell of nothing": (lambda: box().shell(0.0), ("shell: thickness = 0.0", "> 0")),
     "unknown parameter": (lambda: sphere(size=1), ("no parameter 'size'", "sphere(radius=1.0)")),
     "parameter twice": (lambda: sphere(1.0, radius=2.0), ("'radius' twice", "sphere(radius=1.0)")),
-    "too many": (lambda: sphere(1.0, 2.0), ("takes 1 parameter, 2 were given", "sphere(radius=1.0)")),
+    "too many": (lambda: sphere(1.0, 2.0), ("takes up to 1 argument, 2 were given", "sphere(radius=1.0)")),
     "parameter missing": (lambda: shell(box()), ("needs 'thickness'", "shell(")),
     "illegal end of a range": (lambda: sphere(Param("r", 1.0, -0.5, 2.0)), ("between -0.5 and 2.0", "> 0")),
     "range that reaches zero": (lambda: sphere(Param("r", 1.0, 0.0, 2.0)), ("between 0.0 and 2.0", "> 0")),
