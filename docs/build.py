@@ -54,7 +54,7 @@ SECTIONS = {
     "Unions, intersections, differences": ("booleans", "joints"),
     "Place, size and material": ("placing", "visibility"),
     "Copies": ("repetition", "copies", "cells", "instancing"),
-    "Deformations": ("deform", "warps", "noise", "thickness", "transition"),
+    "Deformations": ("deform", "noise"),
 }
 """The sections of the page, and the modules of `raymarch.sdf` whose nodes they show."""
 

@@ -13,7 +13,7 @@ from raymarch.sdf.cells import *
 from raymarch.sdf.copies import polar, repeat_interval, repeat_mirrored
 from raymarch.sdf.curves import *
 from raymarch.sdf.definition import *
-from raymarch.sdf.deform import bend, displace, taper, twist
+from raymarch.sdf.deform import bend, displace, elongate, offset, round, shear, shell, taper, twist, wrap_around
 from raymarch.sdf.flat import *
 from raymarch.sdf.flat_curves import *
 from raymarch.sdf.folds import *
@@ -26,19 +26,16 @@ from raymarch.sdf.node import *
 from raymarch.sdf.noise import *
 from raymarch.sdf.noise import displace_by, displace_by_noise
 from raymarch.sdf.periodic import *
-from raymarch.sdf.placing import material, mirror, rotate, scale, transform, translate
+from raymarch.sdf.placing import material, mirror, orient, rotate, scale, transform, translate
 from raymarch.sdf.polyhedra import *
-from raymarch.sdf.profiles import elongate, extrude, extrude_to, offset, revolve, slice
+from raymarch.sdf.profiles import extrude, extrude_to, revolve, slice
 from raymarch.sdf.raw import *
 from raymarch.sdf.repetition import repeat
 from raymarch.sdf.rounds import *
 from raymarch.sdf.sampled import *
 from raymarch.sdf.sampled import displace_by_image
 from raymarch.sdf.solids import *
-from raymarch.sdf.thickness import round, shell
-from raymarch.sdf.transition import *
 from raymarch.sdf.visibility import visible
-from raymarch.sdf.warps import orient, shear, wrap_around
 
 if not TYPE_CHECKING:  # type checkers know the public names by the imports of all names
     _modules = [module for path, module in sys.modules.items() if path.startswith("raymarch.sdf.")]

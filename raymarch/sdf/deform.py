@@ -8,18 +8,36 @@ triangle.
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from typing import Annotated, Any
 
 import numpy as np
 
 from raymarch.errors import SceneError
+from raymarch.expr.convert import choice, short
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, expr
-from raymarch.expr.vocabulary import abs, clamp, cos, length, max, min, sin, sqrt, vec2, vec3
-from raymarch.sdf.definition import Child, ChildFacts, around_y, operator
-from raymarch.sdf.domain import Length, NonNegative, Number, Positive, Scalar, Vec3, Vector, as_operand
+from raymarch.expr.types import VEC3
+from raymarch.expr.vocabulary import abs, atan2, clamp, cos, dot, length, max, min, sin, sqrt, vec2, vec3, where
+from raymarch.sdf.definition import Child, ChildFacts, around_y, at_least, operator
+from raymarch.sdf.domain import (
+    Domain,
+    Length,
+    NonNegative,
+    Number,
+    Positive,
+    Scalar,
+    Vec3,
+    Vector,
+    Whole,
+    as_length,
+    as_operand,
+    shown,
+)
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.node import Node, method, solid
+from raymarch.sdf.placing import AXES
+from raymarch.sdf.repetition import UNBOUNDED
 
 
 def _reach(node: Node, name: str, axes: str) -> float:
@@ -204,3 +222,268 @@ def displace(node: Node, amplitude: Scalar = 0.05, frequency: Vector | Scalar = 
     """
     each = as_operand("displace: frequency", frequency, "radians a unit of length, one number or three")
     return displace_by_waves(node, amplitude, each if each.type.is_vector else expr((each,) * 3))
+
+
+def shear_slope(amount: Expr) -> Expr:
+    """The larger singular value of the matrix with rows (1, a) and (0, 1)."""
+    a = abs(amount)
+    return 0.5 * (a + sqrt(a * a + 4.0))
+
+
+@operator(
+    bounds=lambda child, amount, axis, by: child.box + amount * axis * dot(by, child.box),
+    lipschitz=lambda child, amount: child.lipschitz * shear_slope(amount),
+    spread=lambda child, amount: child.spread * (1.0 + abs(amount)),
+    convex=True,
+    called="shear",
+)
+def sheared(
+    p: Expr, child: Child, amount: Length = 0.5, axis: Vec3 = (1.0, 0.0, 0.0), by: Vec3 = (0.0, 1.0, 0.0)
+) -> Expr:
+    """Shear along one axis in proportion to the coordinate along another."""
+    return child(p - amount * axis * dot(by, p))
+
+
+@method
+def shear(node: Node, amount: Scalar = 0.5, axis: str = "x", by: str = "y") -> Node:
+    """Shear along one axis by `amount` times the coordinate along another.
+
+    amount : length per unit of length.
+    axis, by : two of "x", "y", "z": the axis of the motion, and the axis whose coordinate counts.
+
+    A bound: divided by (a + sqrt(a^2 + 4)) / 2 with a = |amount|, the largest stretch. The stretch is the same
+    everywhere, so the solid may be unbounded.
+    """
+    legal = "two different ones of 'x', 'y' and 'z'"
+    axis, by = choice("shear: axis", axis, tuple(AXES), legal), choice("shear: by", by, tuple(AXES), legal)
+    if axis == by:
+        raise SceneError(f"shear: axis = {short(axis)}, by = {short(by)}", legal=legal)
+    return sheared(solid("shear", node), amount, AXES[axis], AXES[by])
+
+
+RELIEF = 0.125
+"""Limit of distances inside the ring, as a fraction of its radius."""
+
+
+def _check_wrapped(
+    child: Facts, start: Expr, end: Expr, below: Expr, above: Expr, low: Expr, high: Expr, both: int
+) -> None:
+    """SceneError unless the slab fits its ring, leaves the axis free, and is evaluated twice if it is not symmetric."""
+    bottom, top = np.maximum(child.lower[1], -UNBOUNDED), np.minimum(child.upper[1], UNBOUNDED)
+    if not (interval_of(low)[1] <= bottom and top <= interval_of(high)[0]):
+        raise SceneError(
+            "wrapped: the solid extends beyond low or high", legal="low and high outside the bounds of the solid"
+        )
+    first, last, radius = interval_of(start)[1], interval_of(end)[0], interval_of((end - start) / math.tau)
+    slack = 1e-9 * float(radius[1])
+    if not (child.lower[0] >= first - slack and child.upper[0] <= last + slack and radius[0] > 0.0):
+        raise SceneError(
+            f"wrap_around: the solid reaches along x from {child.lower[0]:g} to {child.upper[0]:g}",
+            legal="start and end around the solid; cut an unbounded solid, as `node & box(...)`",
+        )
+    if not (-child.lower[2] <= interval_of(below)[0] and child.upper[2] <= interval_of(above)[0]) or not (
+        radius[0] > interval_of(below)[1]
+    ):
+        raise SceneError(
+            f"wrap_around: the solid reaches along z from {child.lower[2]:g} to {child.upper[2]:g}, the radius of the "
+            f"ring is {float(radius[0]):g}",
+            legal="a solid bounded along z that leaves the axis free, or a larger end - start",
+        )
+    if not both and not _is_centred(child, start, end):
+        raise SceneError("wrapped: this solid must be evaluated at both ends", legal="both=1")
+
+
+def _is_centred(child: Facts, start: Expr, end: Expr) -> bool:
+    """True if the slab is symmetric about the middle of its ring."""
+    ends = start + end
+    return "x" in child.symmetry and ends.is_constant and float(ends.data) == 0.0
+
+
+@operator(
+    bounds=lambda child, start, end, above: around_y((end - start) / math.tau + above, child.lower.y, child.upper.y),
+    lipschitz=1.0,
+    spread=1.0,
+    check=_check_wrapped,
+    called="wrap_around",
+)
+def wrapped(
+    p: Expr,
+    child: Child,
+    start: Length = -3.0,
+    end: Length = 3.0,
+    below: NonNegative = 0.8,
+    above: NonNegative = 0.8,
+    low: Length = -0.5,
+    high: Length = 0.5,
+    both: Whole = 1,
+) -> Expr:
+    """Wrap a slab in the xy plane around the y axis.
+
+    start, end : the coordinates x that meet at the seam. below, above : extent of the slab along z. low, high : its
+    extent along y. both : 1 to evaluate the other end of the slab too, across the seam at the back.
+
+    At the distance rho from the axis, a unit of the circumference is radius / rho units of x. Inside the radius the
+    field c is therefore weighted by rho / radius. Along the circumference the weighted field has the slope of c; along
+    rho the slope is larger by |c| / radius. With |c| clamped to a fraction f of the radius, the slope is at most 1 + f.
+    Near the axis, where the weight tends to 0, the distance to the ring is used instead, since it is larger. The field
+    of the other end is at least the distance to the seam. Opposite the seam, where the ends are exchanged, that is
+    more than the clamp.
+    """
+    radius, middle = (end - start) / math.tau, 0.5 * (start + end)
+    rho = length(p.xz)
+    x = middle + radius * atan2(p.x, p.z)
+    value = child(vec3(x, p.y, rho - radius))
+    if both:
+        around = end - start
+        other = where(x < middle, x + around, x - around)
+        to_seam = 0.5 * around - abs(x - middle)
+        value = min(value, at_least(child(vec3(other, p.y, rho - radius)), to_seam))
+    limit = RELIEF * radius
+    cut = clamp(value, -limit, limit + clamp(rho - radius, 0.0, 2.0 * radius))
+    aside = max(radius - below - rho, rho - radius - above, low - p.y, p.y - high)
+    return at_least(min(rho / radius, 1.0) * cut / (1.0 + RELIEF), aside)
+
+
+@method
+def wrap_around(node: Node, start: Scalar | None = None, end: Scalar | None = None) -> Node:
+    """Wrap a slab along x once around the y axis to form a ring.
+
+    start, end : the coordinates x that meet at the back, start < end; by default the ends of the solid's box. The solid
+        must lie between them. z = 0 maps to the radius (end - start) / (2 pi), +z points outwards, y is unchanged.
+
+    A bound: inside the radius the field is weighted by the distance from the axis, and the result is divided by 1.125.
+    Evaluates the slab once if it is symmetric about the middle of start and end, which must be 0, else twice.
+    """
+    lower, upper = solid("wrap_around", node).bounds
+    for name, value, edge in (("start", start, lower[0]), ("end", end, upper[0])):
+        if value is None and not np.isfinite(edge):
+            raise SceneError(f"wrap_around: {node.name} is unbounded along x", legal=f"a number as {name}")
+    legal = "a number, or None for the end of the solid's box"
+    first = as_length("wrap_around: start", float(lower[0]) if start is None else start, legal)
+    last = as_length("wrap_around: end", float(upper[0]) if end is None else end, legal)
+    if not float(interval_of(last - first)[0]) > 0.0:
+        raise SceneError(f"wrap_around: start = {short(start)}, end = {short(end)}", legal="numbers, start < end")
+    below, above = (float(np.clip(reach, 0.0, UNBOUNDED)) for reach in (-lower[2], upper[2]))
+    low, high = (float(np.clip(end, -UNBOUNDED, UNBOUNDED)) for end in (lower[1], upper[1]))
+    return wrapped(node, first, last, below, above, low, high, 0 if _is_centred(node.facts, first, last) else 1)
+
+
+# Along the normals and axes, in 2D too
+
+
+Extent = Annotated[Any, Domain(VEC3, low=0.0, unit="length", stretch=True)]
+
+
+def _stretched_bounds(child: ChildFacts, extent: Any) -> tuple[Expr, Expr]:
+    """The box with its sides moved outwards; a side beyond the middle moves with its piece."""
+    half = 0.5 * extent
+    sides = list(zip(child.lower, child.upper, half, strict=True))
+    lower = [low + where(low > 0.0, h, -h) for low, _, h in sides]
+    upper = [high + where(high < 0.0, -h, h) for _, high, h in sides]
+    return (vec2(*lower), vec2(*upper)) if len(sides) == 2 else (vec3(*lower), vec3(*upper))
+
+
+def _stretched_spread(child: ChildFacts, extent: Any) -> Expr:
+    """Small values lie near the child's box; for a box beyond the middle also near the other piece."""
+    widest = child.spread
+    for low, high, along in zip(child.lower, child.upper, extent, strict=True):
+        gap = max(low, -high)
+        widest = max(widest, where(gap > 0.0, child.spread * (1.0 + along / gap), child.spread))
+    return widest
+
+
+def _stretched_convex(child: Facts, extent: Expr) -> bool:
+    """The slope at the cut continues beyond the extruded section, unless both pieces are symmetric."""
+    longer = np.broadcast_to(interval_of(extent)[1], len(extent)) > 0.0
+    return child.convex and all(axis in child.symmetry for axis, far in zip("xyz", longer, strict=False) if far)
+
+
+@method
+@operator(
+    bounds=_stretched_bounds, symmetry="keep", spread=_stretched_spread, convex=_stretched_convex, dimension="any"
+)
+def elongate(p: Expr, child: Child, extent: Extent = (0.5, 0.0, 0.0)) -> Expr:
+    """Elongate: cut at the planes through the origin, move the pieces apart, and extrude the section between them.
+
+    extent : added length along each axis, each >= 0; one number is for all axes.
+
+    A bound for an exact child: the map back to the child moves no two points apart, so the distance there is never
+    larger. It is exact outside if the child is convex and symmetric along the elongated axes.
+    Inside, a child that is thinner along such an axis than across it has its nearest surface in a direction
+    in which the result has none.
+    """
+    half = 0.5 * extent
+    q = p - clamp(p, -half, half)
+    away = abs(p) - half
+    core = min(max(*away), 0.0)
+    value = child(q)
+    return value + where(value < 0.0, core, 0.0)
+
+
+@method
+@operator(
+    # what grows about a hollow may close it or meet itself, and what was its surface there is inside
+    exactness=lambda child: "exact" if child.convex else "bound",
+    bounds=lambda child, radius: child.grown(radius),
+    symmetry="keep",
+    spread=lambda child: child.spread,
+    convex=lambda child: child.convex and child.exactness == "exact",
+    dimension="any",
+)
+def round(p: Expr, child: Child, radius: NonNegative) -> Expr:
+    """Grow by a radius on all sides; convex edges become round.
+
+    radius : length, >= 0.
+
+    Exact for an exact, convex child. For a bound the surface moves by at least the radius.
+    """
+    return child(p) - radius
+
+
+@method
+@operator(
+    bounds=lambda child, thickness: child.grown(0.5 * thickness),
+    symmetry="keep",
+    spread=lambda child: child.spread,
+    dimension="any",
+)
+def shell(p: Expr, child: Child, thickness: Positive) -> Expr:
+    """A shell about the surface, half of it outside.
+
+    thickness : full thickness, a length > 0.
+
+    A bound: within the shell along an edge, the nearest surface is not along the normals of the edge.
+    """
+    return abs(child(p)) - 0.5 * thickness
+
+
+def _offset_bounds(child: ChildFacts, distance: Any) -> tuple[Expr, Expr]:
+    margin = where(distance > 0.0, child.spread, 1.0) * distance
+    return child.lower - margin, child.upper + margin
+
+
+def _check_offset(child: Facts, distance: Any) -> None:
+    deepest = 0.5 * float(child.size.min())
+    if not child.empty and -float(interval_of(distance)[1]) >= deepest:
+        raise SceneError(f"offset: distance = {shown(distance)} leaves nothing", legal=f"distance > {-deepest:g}")
+
+
+@method
+@operator(
+    # as for `round`; if it shrinks, sharp corners are farther from a point outside than the field
+    exactness=lambda child, distance: "exact" if child.convex and interval_of(distance)[0] >= 0.0 else "bound",
+    bounds=_offset_bounds,
+    symmetry="keep",
+    spread=lambda child: child.spread,
+    convex=lambda child: child.convex and child.exactness == "exact",
+    check=_check_offset,
+    dimension="any",
+)
+def offset(p: Expr, child: Child, distance: Length = 0.1) -> Expr:
+    """Grow by a distance on all sides (as `round`), or shrink by a negative one.
+
+    distance : length. It must exceed minus half the smallest extent, at which nothing is left.
+
+    Exact if an exact, convex child grows, else a bound.
+    """
+    return child(p) - distance

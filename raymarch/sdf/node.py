@@ -21,7 +21,7 @@ from raymarch.sdf.pickling import Same, pickled, remake, same
 
 if TYPE_CHECKING:
     from raymarch.expr.function import Function
-    from raymarch.sdf import booleans, copies, deform, noise, placing, profiles, repetition, sampled, warps
+    from raymarch.sdf import booleans, copies, deform, noise, placing, profiles, repetition, sampled
     from raymarch.sdf.definition import Definition
     from raymarch.sdf.domain import Scalar, Vector
 
@@ -190,7 +190,7 @@ class Node:
     if TYPE_CHECKING:  # `method` adds them
         union, intersection, difference = booleans.union, booleans.intersection, booleans.difference
         rotate, scale, transform, mirror = placing.rotate, placing.scale, placing.transform, placing.mirror
-        orient, shear, wrap_around = warps.orient, warps.shear, warps.wrap_around
+        orient, shear, wrap_around = placing.orient, deform.shear, deform.wrap_around
         twist, bend, taper, displace = deform.twist, deform.bend, deform.taper, deform.displace
         displace_by, displace_by_noise = noise.displace_by, noise.displace_by_noise
         displace_by_image, extrude_to = sampled.displace_by_image, profiles.extrude_to

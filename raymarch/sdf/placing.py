@@ -13,11 +13,11 @@ from raymarch.errors import Location, SceneError, user_location, warn
 from raymarch.expr.convert import described, holdable, numbers, plain, short
 from raymarch.expr.node import Expr, const
 from raymarch.expr.types import FLOAT
-from raymarch.expr.vocabulary import abs, columns, cos, dot, max, min, sin, transpose, vec2, vec3
+from raymarch.expr.vocabulary import abs, columns, cos, cross, dot, length, max, min, sin, transpose, vec2, vec3, where
 from raymarch.sdf.definition import Child, ChildFacts, operator
 from raymarch.sdf.domain import Angle, Direction, Matrix3, Positive, Scalar, Size3, Vec3, Vector, as_operand
 from raymarch.sdf.facts import Exactness, Facts
-from raymarch.sdf.node import Node, method
+from raymarch.sdf.node import Node, method, solid
 
 AXES: Mapping[str, tuple[float, float, float]] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
@@ -147,6 +147,49 @@ def rotate(node: Node, angle: Scalar, axis: Vector | str | None = None) -> Node:
             raise SceneError(f"rotate: axis = {short(axis)} for a flat shape", legal="the angle alone")
         return turn(node, angle)
     return rotate_about(node, axis_vector("rotate", "y" if axis is None else axis), angle)
+
+
+def turn_between(start: Expr, end: Expr) -> Expr:
+    """The smallest rotation that takes one unit vector to another, for column vectors.
+
+    Rodrigues' formula with sin and cos of the angle as the cross and dot products: R = c I + [v] + v v' / (1 + c).
+    If the two are opposite, half a turn about a perpendicular axis.
+    """
+    v, c = cross(start, end), dot(start, end)
+    opposite = c < -1.0 + 1e-6  # beyond this, 1 + c has only one or two significant bits in float32
+    factor = 1.0 / where(opposite, 1.0, 1.0 + c)
+    x, y, z = v
+    turn = columns(
+        vec3(c, z, -y) + factor * x * v,
+        vec3(-z, c, x) + factor * y * v,
+        vec3(y, -x, c) + factor * z * v,
+    )
+    across = where(abs(start.x) < 0.7, vec3(0.0, start.z, -start.y), vec3(start.y, -start.x, 0.0))
+    a = across / length(across)
+    half = columns(2.0 * a.x * a - vec3(1, 0, 0), 2.0 * a.y * a - vec3(0, 1, 0), 2.0 * a.z * a - vec3(0, 0, 1))
+    return where(opposite, half, turn)
+
+
+@operator(
+    exactness="exact",
+    bounds=lambda child, axis, direction: turn_between(axis, direction) @ child.box,
+    spread=lambda child: math.sqrt(3.0) * child.spread,
+    convex=True,
+    called="orient",
+)
+def oriented(p: Expr, child: Child, axis: Direction = (0.0, 1.0, 0.0), direction: Direction = (1.0, 1.0, 1.0)) -> Expr:
+    """Rotate so that an axis points along a direction."""
+    return child(transpose(turn_between(axis, direction)) @ p)
+
+
+@method
+def orient(node: Node, direction: Vector = (1.0, 1.0, 1.0), axis: Vector | str = "y") -> Node:
+    """Rotate by the smallest angle that makes an axis of the solid point along a direction.
+
+    direction : vec3 of any length but 0.
+    axis : axis of the solid: "x", "y", "z" or a direction.
+    """
+    return oriented(solid("orient", node), axis_vector("orient", axis), direction)
 
 
 @operator(

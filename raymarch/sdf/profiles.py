@@ -1,10 +1,10 @@
-"""From 2D to 3D and back: extrusion along z, revolution about y, slices; and stretching and offsetting in both."""
+"""From 2D to 3D and back: extrusion along z, revolution about y, slices."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Annotated, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -12,14 +12,13 @@ from raymarch.errors import SceneError
 from raymarch.expr.convert import choice, short
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr
-from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import clamp, cos, length, max, min, sin, sqrt, square, vec2, vec3, where
 from raymarch.sdf.booleans import hull, widest
 from raymarch.sdf.definition import Child, ChildFacts, around_y, combination, operator
-from raymarch.sdf.domain import Domain, Length, Positive, Scalar, Word, shown
+from raymarch.sdf.domain import Length, Positive, Scalar, Word
 from raymarch.sdf.facts import Exactness, Facts
+from raymarch.sdf.joints import largest_difference
 from raymarch.sdf.node import Node, method
-from raymarch.sdf.transition import largest_difference
 
 # Extrusion
 
@@ -193,87 +192,3 @@ def slice(p: Expr, child: Child, z: Length = 0.0) -> Expr:
     A bound: the nearest surface in space may lie beside the plane.
     """
     return child(vec3(p, z))
-
-
-# In both
-
-
-Extent = Annotated[Any, Domain(VEC3, low=0.0, unit="length", stretch=True)]
-
-
-def _stretched_bounds(child: ChildFacts, extent: Any) -> tuple[Expr, Expr]:
-    """The box with its sides moved outwards; a side beyond the middle moves with its piece."""
-    half = 0.5 * extent
-    sides = list(zip(child.lower, child.upper, half, strict=True))
-    lower = [low + where(low > 0.0, h, -h) for low, _, h in sides]
-    upper = [high + where(high < 0.0, -h, h) for _, high, h in sides]
-    return (vec2(*lower), vec2(*upper)) if len(sides) == 2 else (vec3(*lower), vec3(*upper))
-
-
-def _stretched_spread(child: ChildFacts, extent: Any) -> Expr:
-    """Small values lie near the child's box; for a box beyond the middle also near the other piece."""
-    widest = child.spread
-    for low, high, along in zip(child.lower, child.upper, extent, strict=True):
-        gap = max(low, -high)
-        widest = max(widest, where(gap > 0.0, child.spread * (1.0 + along / gap), child.spread))
-    return widest
-
-
-def _stretched_convex(child: Facts, extent: Expr) -> bool:
-    """The slope at the cut continues beyond the extruded section, unless both pieces are symmetric."""
-    longer = np.broadcast_to(interval_of(extent)[1], len(extent)) > 0.0
-    return child.convex and all(axis in child.symmetry for axis, far in zip("xyz", longer, strict=False) if far)
-
-
-@method
-@operator(
-    bounds=_stretched_bounds, symmetry="keep", spread=_stretched_spread, convex=_stretched_convex, dimension="any"
-)
-def elongate(p: Expr, child: Child, extent: Extent = (0.5, 0.0, 0.0)) -> Expr:
-    """Elongate: cut at the planes through the origin, move the pieces apart, and extrude the section between them.
-
-    extent : added length along each axis, each >= 0; one number is for all axes.
-
-    A bound for an exact child: the map back to the child moves no two points apart, so the distance there is never
-    larger. It is exact outside if the child is convex and symmetric along the elongated axes.
-    Inside, a child that is thinner along such an axis than across it has its nearest surface in a direction
-    in which the result has none.
-    """
-    half = 0.5 * extent
-    q = p - clamp(p, -half, half)
-    away = abs(p) - half
-    core = min(max(*away), 0.0)
-    value = child(q)
-    return value + where(value < 0.0, core, 0.0)
-
-
-def _offset_bounds(child: ChildFacts, distance: Any) -> tuple[Expr, Expr]:
-    margin = where(distance > 0.0, child.spread, 1.0) * distance
-    return child.lower - margin, child.upper + margin
-
-
-def _check_offset(child: Facts, distance: Any) -> None:
-    deepest = 0.5 * float(child.size.min())
-    if not child.empty and -float(interval_of(distance)[1]) >= deepest:
-        raise SceneError(f"offset: distance = {shown(distance)} leaves nothing", legal=f"distance > {-deepest:g}")
-
-
-@method
-@operator(
-    # as for `round`; if it shrinks, sharp corners are farther from a point outside than the field
-    exactness=lambda child, distance: "exact" if child.convex and interval_of(distance)[0] >= 0.0 else "bound",
-    bounds=_offset_bounds,
-    symmetry="keep",
-    spread=lambda child: child.spread,
-    convex=lambda child: child.convex and child.exactness == "exact",
-    check=_check_offset,
-    dimension="any",
-)
-def offset(p: Expr, child: Child, distance: Length = 0.1) -> Expr:
-    """Grow by a distance on all sides (as `round`), or shrink by a negative one.
-
-    distance : length. It must exceed minus half the smallest extent, at which nothing is left.
-
-    Exact if an exact, convex child grows, else a bound.
-    """
-    return child(p) - distance

@@ -31,10 +31,10 @@ from raymarch.expr.samples import Samples, sample
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import clamp, length, max, min, vec2, vec3
 from raymarch.sdf.definition import Child, operator, shape
+from raymarch.sdf.deform import offset
 from raymarch.sdf.domain import Data, Domain, NonNegative, Scalar, Size2, Size3, Vec3, Vector
 from raymarch.sdf.nearest import Surface
 from raymarch.sdf.node import Node, method
-from raymarch.sdf.profiles import offset
 from raymarch.sdf.solids import box
 
 __all__ = ["grid", "heightmap", "isosurface", "mesh"]
