@@ -17,7 +17,7 @@ from raymarch.cost.sweep import Point, Progress, sweep
 from raymarch.errors import CostError
 from raymarch.expr.convert import short
 from raymarch.gpu.renderer import Renderer
-from raymarch.scene.quality import Quality, provide_searches
+from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene, check_scene
 
 LADDER = (2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.004, 0.002)
@@ -305,9 +305,3 @@ def _ladder(base: Quality, samples: int) -> Iterator[Quality]:
 def _pairs(quality: Quality) -> list[Quality]:
     """A quality with every tracer, with and without cones."""
     return [replace(quality, tracer=tracer, schedule=schedule) for tracer in TRACERS for schedule in SCHEDULES]
-
-
-provide_searches(
-    lambda scene, error, **where: for_error(scene, error, **where).quality,
-    lambda scene, within, **where: for_time(scene, within, **where).quality,
-)

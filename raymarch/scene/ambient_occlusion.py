@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import ClassVar
 
-from raymarch.expr.convert import integer
+from raymarch.expr.convert import integer, optional
 from raymarch.expr.function import loop, sum_of
 from raymarch.expr.node import Expr, var
 from raymarch.expr.types import VEC3
@@ -53,7 +53,7 @@ class AmbientOcclusion(Part):
     ) -> None:
         self._set(
             steps=integer("AmbientOcclusion: steps", steps, 1, 32),
-            reach=None if reach is None else as_number("AmbientOcclusion: reach", reach, low=LEAST_LENGTH),
+            reach=optional(as_number, "AmbientOcclusion: reach", reach, LEAST_LENGTH),
             strength=as_number("AmbientOcclusion: strength", strength, low=0.0),
             decay=as_number("AmbientOcclusion: decay", decay, 1e-3, 1.0),
         )

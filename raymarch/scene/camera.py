@@ -16,7 +16,7 @@ from raymarch.errors import SceneError
 from raymarch.expr import vocabulary as v
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.calls import checked
-from raymarch.expr.convert import choice, instance, real, short
+from raymarch.expr.convert import choice, instance, optional, real, short
 from raymarch.expr.node import Expr, Operand, expr, var
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.scene.parameter import Values, as_number, as_vec3, is_zero
@@ -187,23 +187,21 @@ class Camera(Part):
                 legal="projection='orthographic', or fov=... in place of height",
             )
         if direction is not None and position is not None:
-            raise SceneError(
-                f"Camera: direction = {short(direction)} with a position",
-                legal="a direction from the target, or a position",
-            )
+            what = f"Camera: direction = {short(direction)} with a position"
+            raise SceneError(what, legal="a direction from the target, or a position")
         self._set(
-            position=None if position is None else as_vec3("Camera: position", position),
-            target=None if target is None else as_vec3("Camera: target", target),
+            position=optional(as_vec3, "Camera: position", position),
+            target=optional(as_vec3, "Camera: target", target),
             up=as_vec3("Camera: up", up),
             fov=as_number("Camera: fov", fov),
             projection=kind,
-            height=None if height is None else as_number("Camera: height", height),
+            height=optional(as_number, "Camera: height", height),
             near=as_number("Camera: near", near),
-            far=None if far is None else as_number("Camera: far", far),
+            far=optional(as_number, "Camera: far", far),
             aperture=as_number("Camera: aperture", aperture),
-            focus=None if focus is None else as_number("Camera: focus", focus),
+            focus=optional(as_number, "Camera: focus", focus),
             shutter=as_number("Camera: shutter", shutter),
-            direction=None if direction is None else as_vec3("Camera: direction", direction),
+            direction=optional(as_vec3, "Camera: direction", direction),
         )
         if self.direction is not None and self.direction.is_constant and not np.any(self.direction.data):
             raise SceneError("Camera: direction = (0, 0, 0)", legal="any length but 0")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from raymarch.expr.arrays import SMALLEST
+from raymarch.expr.convert import optional
 from raymarch.expr.node import Expr, var
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import abs, exp, max, min, mix, where
@@ -54,7 +55,7 @@ class Fog(Part):
         height: Scalar = 0.0,
     ) -> None:
         self._set(
-            color=None if color is None else as_color("Fog: color", color),
+            color=optional(as_color, "Fog: color", color),
             density=as_number("Fog: density", density, low=0.0),
             falloff=as_number("Fog: falloff", falloff, low=0.0),
             height=as_number("Fog: height", height),
@@ -84,8 +85,7 @@ class Fog(Part):
         rate = self.falloff * DIRECTION.y
         change = abs(rate) * LENGTH
         denser = min(start + max(-rate, 0.0) * LENGTH, 80.0)
-        few = min(change, SERIES)
-        series = _series(few)
+        series = _series(min(change, SERIES))
         reach = where(change < SERIES, LENGTH * series, (1.0 - exp(-change)) / max(abs(rate), SMALLEST))
         return self.density * min(reach * exp(denser), 1e30)
 

@@ -10,13 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any, ClassVar, NamedTuple, TypeAlias
+from typing import ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import SHORTEST, SMALLEST
-from raymarch.expr.convert import choice, short, switch
+from raymarch.expr.convert import choice, optional, short, switch
 from raymarch.expr.function import function
 from raymarch.expr.limits import Limit, limited
 from raymarch.expr.node import Expr, const, expr, var
@@ -315,9 +315,9 @@ class PointLight(Light):
         name = type(self).__name__
         self._set(
             position=as_vec3(f"{name}: position", position),
-            range=_length(f"{name}: range", range),
-            shadow_radius=_length(f"{name}: shadow_radius", shadow_radius),
-            attenuation=None if attenuation is None else as_vec3(f"{name}: attenuation", attenuation, low=0.0),
+            range=optional(as_number, f"{name}: range", range, LEAST_LENGTH),
+            shadow_radius=optional(as_number, f"{name}: shadow_radius", shadow_radius, LEAST_LENGTH),
+            attenuation=optional(as_vec3, f"{name}: attenuation", attenuation, 0.0),
         )
         if self.attenuation is not None and is_zero(self.attenuation):
             raise SceneError(f"{name}: attenuation = {short(attenuation)}", legal="3 numbers >= 0, not all zero")
@@ -456,9 +456,7 @@ class SphereLight(PointLight):
         shadow_radius: Scalar | None = None,
         attenuation: Vec3Like | None = None,
     ) -> None:
-        given = _length("SphereLight: radius", radius)
-        if given is None:
-            raise SceneError("SphereLight: radius = None", legal="a finite number > 0")
+        given = as_number("SphereLight: radius", radius, LEAST_LENGTH)
         PointLight.__init__(
             self, position, color, intensity, shadow, given, penumbra, range, shadow_radius, attenuation
         )
@@ -520,7 +518,7 @@ class RectLight(Light):
     ) -> None:
         Light.__init__(self, color, intensity, shadow, 0.0, "sampled")
         self._set(
-            range=_length("RectLight: range", range),
+            range=optional(as_number, "RectLight: range", range, LEAST_LENGTH),
             position=as_vec3("RectLight: position", position),
             width=as_number("RectLight: width", width, low=LEAST_LENGTH),
             height=as_number("RectLight: height", height, low=LEAST_LENGTH),
@@ -638,7 +636,3 @@ def _window(distance: Expr, range: Expr) -> Expr:
     ratio = distance / range
     window = max(1.0 - ratio * ratio * ratio * ratio, 0.0)
     return window * window
-
-
-def _length(what: str, value: Any) -> Expr | None:
-    return None if value is None else as_number(what, value, low=LEAST_LENGTH)

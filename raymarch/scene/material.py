@@ -207,7 +207,7 @@ class Material(Value):
             n: _unset(n, unset[n]) if n in unset else material_value(n, given[n], size, low, high)
             for n, (_, size, low, high) in _VALUES.items()
         }
-        made["color"] = material_value(name, _or(base, (0.8, 0.8, 0.8)), 3, 0.0, 1.0)
+        made["color"] = material_value(name, (0.8, 0.8, 0.8) if base is None else base, 3, 0.0, 1.0)
         if is_physical and physical["roughness"] is None:  # glass is smooth by default, other materials are not
             made["roughness"] = expr(0.5 if is_zero(made["transmission"]) else 0.0)
         relief = {"normal": normal, "height": raised, "normal_strength": normal_strength, "height_scale": height_scale}
@@ -418,10 +418,6 @@ def _refuse_both(phong: dict[str, Any], physical: dict[str, Any]) -> None:
             f"Material: {one} together with {other}",
             legal="Phong's shininess, specular, ambient; or the physical albedo, metalness, roughness, f0",
         )
-
-
-def _or(value: Any, otherwise: Any) -> Any:
-    return otherwise if value is None else value
 
 
 def _spread(value: Any) -> Any:

@@ -165,12 +165,9 @@ def refuse_extent(view: DefaultView, origin: NDArray[np.float64], field: Functio
     scene, values, pose, reach = view.scene, view.values, view.pose, view.reach
     if pose is None or scene.node.facts.empty:
         return
-    away = None
     if reach is not None and 1.0 / USUAL <= reach <= USUAL:
         return
-    if not without_twin(field.body):
-        with bound(values.params, values.time):
-            away = abs(float(evaluator_of(field)(pose.position - origin)[0])) or None
+    away = _nearest(field, pose.position - origin, values)
     if away is not None and away > 1e-3 * FAR_AWAY and hiding_nodes(scene.node):
         away = None  # the camera sees none of the solids
     if away is not None and not np.isfinite(away):

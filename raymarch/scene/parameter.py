@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -30,19 +30,13 @@ ParamValue: TypeAlias = float | Sequence[float] | NDArray[Any]
 
 @dataclass(frozen=True, slots=True)
 class Spec:
-    """Name, default and range of a parameter. `where` does not count for equality."""
+    """Name, default and range of a parameter."""
 
     name: str
     value: Value
     min: Value | None
     max: Value | None
-    where: Location | None = None
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Spec) and self._key == other._key
-
-    def __hash__(self) -> int:
-        return hash(self._key)
+    where: Location | None = field(default=None, compare=False)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _spec, (self.name, self.value, self.min, self.max, self.where)
@@ -50,10 +44,6 @@ class Spec:
     def __repr__(self) -> str:
         ends = "".join(f", {side}={_shown(v)}" for side, v in (("min", self.min), ("max", self.max)) if v is not None)
         return f"Param({self.name!r}, {_shown(self.value)}{ends})"
-
-    @property
-    def _key(self) -> tuple[Any, ...]:
-        return self.name, self.value, self.min, self.max
 
     @property
     def type(self) -> Type:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from importlib import import_module
 from typing import Any, ClassVar, Self
 
@@ -12,14 +12,9 @@ from raymarch.expr.convert import choice, integer, optional, real, switch
 from raymarch.scene.value import Value, value
 
 TRACERS = ("auto", "plain", "relaxed", "relaxed_again", "enhanced", "auto_relaxed", "bracketing")
-MASKINGS = ("correlated", "separable")
 NORMALS = ("analytic", "tetrahedron", "central", "forward")
 SCHEDULES = ("auto", "single", "two", "four", "six", "cone", "cones")
 REFINEMENTS = ("proven", "slope", "none")
-TEMPORAL = ("off", "accumulate", "reproject")
-RAYS = ("computed", "interpolated")
-INTEGRATORS = ("path", "whitted")
-OBJECTS = ("auto", "text", "data")
 
 MOST_SAMPLES = 4096
 """Maximum number of samples per pixel of a frame."""
@@ -71,24 +66,6 @@ PROMISED: Mapping[str, float] = {"draft": 0.5, "normal": 0.05, "fine": 0.005, "e
 """The error that defines each preset, in pixel footprints: 99 % of the hits on a certified field, silhouettes
 excluded, lie within this distance of the reference, and no hit is missed. A test checks this for the examples and for a
 lattice with edges in every pixel. `for_error` measures any scene. The last value is the limit of float32."""
-
-Search = Callable[..., "Quality"]
-_searches: dict[str, Search] = {}
-
-
-def provide_searches(for_error: Search, for_time: Search) -> None:
-    """Register the functions that `Quality.for_error` and `Quality.for_time` call.
-
-    Measuring belongs to `raymarch.cost`, a layer above this package. It registers itself when it is imported, at the
-    first search at the latest.
-    """
-    _searches.update(error=for_error, time=for_time)
-
-
-def _search(by: str) -> Search:
-    if by not in _searches:
-        import_module("raymarch.cost")
-    return _searches[by]
 
 
 @value
@@ -277,7 +254,7 @@ class Quality(Value):
         -----
         A setting that misses hits is never chosen. Raises CostError if no setting stays within the limit.
         """
-        return _search("error")(scene, error, **where)
+        return import_module("raymarch.cost").for_error(scene, error, **where).quality  # of a layer above
 
     @staticmethod
     def for_time(scene: Any, time: str, **where: Any) -> Quality:
@@ -293,7 +270,7 @@ class Quality(Value):
         -----
         Raises CostError if no setting that finds every hit is fast enough.
         """
-        return _search("time")(scene, time, **where)
+        return import_module("raymarch.cost").for_time(scene, time, **where).quality  # of a layer above
 
     @property
     def footprint(self) -> float:
@@ -315,11 +292,11 @@ _CHOICES = {
     "normals": NORMALS,
     "schedule": SCHEDULES,
     "refinement": REFINEMENTS,
-    "temporal": TEMPORAL,
-    "rays": RAYS,
-    "masking": MASKINGS,
-    "integrator": INTEGRATORS,
-    "objects": OBJECTS,
+    "temporal": ("off", "accumulate", "reproject"),
+    "rays": ("computed", "interpolated"),
+    "masking": ("correlated", "separable"),
+    "integrator": ("path", "whitted"),
+    "objects": ("auto", "text", "data"),
 }
 _WHOLE = {
     "max_steps": (1, 60000),

@@ -12,9 +12,9 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from raymarch.errors import Location, SceneError
+from raymarch.errors import SceneError
 from raymarch.expr.arrays import bound, evaluator
-from raymarch.expr.convert import belongs, described, integer, optional, short
+from raymarch.expr.convert import belongs, described, instance, integer, optional, short
 from raymarch.expr.node import Expr, const
 from raymarch.expr.walk import find
 from raymarch.scene.ambient_occlusion import AmbientOcclusion
@@ -115,7 +115,7 @@ class Scene(Value):
         post: Iterable[PostEffect] = (),
     ) -> None:
         several_nodes = isinstance(node, list | tuple) and node and all(isinstance(part, Node) for part in node)
-        solid = _instance("node", node, Node, "rm.union(*nodes)" if several_nodes else "a node such as sphere()")
+        solid = instance("Scene: node", node, Node, "rm.union(*nodes)" if several_nodes else "a node such as sphere()")
         if solid.dimension != 3:
             raise SceneError(f"Scene: {solid.name} is flat", legal="a solid; extrude or revolve it first")
         *names, last = (f"{kind.__name__}(...)" for kind in KINDS)
@@ -128,11 +128,12 @@ class Scene(Value):
         for part in all_nodes(solid):
             rows = rows_of(part)
             for label in (part.label,) if rows is None else rows.labels:
-                if label is not None:
-                    _instance("material", label, Material, "Material(...)", part.where)
+                if not isinstance(label, Material | None):
+                    raise SceneError(f"Scene: material = {described(label)}", legal="Material(...)", where=part.where)
         curves = "ToneMapping(...), such as ToneMapping('aces')"
         presets = "Quality(...), such as Quality.preset('fine')"
-        chosen = Quality() if quality is None else _instance("quality", quality, Quality, presets)
+        shading = "AmbientOcclusion(...) or None"
+        chosen = Quality() if quality is None else instance("Scene: quality", quality, Quality, presets)
         count = optional(integer, "Scene: bounces", bounces, 0, DEEPEST["path"], "an integer from 0 to 16, or None")
         deepest = DEEPEST[chosen.integrator]
         if count is not None and count > deepest:
@@ -146,15 +147,13 @@ class Scene(Value):
             count = min(6, deepest) if called_for else 0
         self._set(
             node=solid,
-            camera=Camera() if camera is None else _instance("camera", camera, Camera, "Camera(...)"),
+            camera=Camera() if camera is None else instance("Scene: camera", camera, Camera, "Camera(...)"),
             lights=given,
             sky=sky if isinstance(sky, Sky) else Sky() if sky is None else Sky(sky),
-            fog=None if fog is None else _instance("fog", fog, Fog, "Fog(...) or None"),
+            fog=optional(instance, "Scene: fog", fog, Fog, "Fog(...) or None"),
             quality=chosen,
-            occlusion=None
-            if occlusion is None
-            else _instance("occlusion", occlusion, AmbientOcclusion, "AmbientOcclusion(...) or None"),
-            tone=ToneMapping() if tone is None else _instance("tone", tone, ToneMapping, curves),
+            occlusion=optional(instance, "Scene: occlusion", occlusion, AmbientOcclusion, shading),
+            tone=ToneMapping() if tone is None else instance("Scene: tone", tone, ToneMapping, curves),
             bounces=count,
             post=effects,
         )
@@ -330,19 +329,12 @@ def check_scene(what: str, given: object) -> None:
         raise SceneError(f"{what} of {described(given)}", legal="a Scene")
 
 
-def _instance(name: str, value: Any, kind: Any, legal: str, where: Location | None = None) -> Any:
-    if not isinstance(value, kind):
-        shown = f"{described(value)}"
-        raise SceneError(f"Scene: {name} = {shown}", legal=legal, where=where)
-    return value
-
-
 def _several(name: str, values: Any, kind: Any, legal: str, example: str) -> tuple[Any, ...]:
     """The elements of an argument, checked."""
     if not isinstance(values, Iterable) or isinstance(values, Expr | np.generic | np.ndarray):
         one = f"{type(values).__name__}(...)" if isinstance(values, kind) else f"{short(values)}{belongs(values)}"
         raise SceneError(f"Scene: {name} = {one}", legal=f"a list of them, such as {example}")
-    return tuple(_instance(name, value, kind, legal) for value in values)
+    return tuple(instance(f"Scene: {name}", value, kind, legal) for value in values)
 
 
 def _operands(root: Node) -> Iterator[Node]:

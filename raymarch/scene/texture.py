@@ -15,6 +15,7 @@ from raymarch.expr.calls import checked
 from raymarch.expr.colors import linear_color
 from raymarch.expr.convert import choice, instance, optional, short
 from raymarch.expr.derivative import directional_derivatives
+from raymarch.expr.function import sum_of
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.texels import WRAPS, Texels, Wrap
 from raymarch.expr.textures import texture
@@ -194,37 +195,34 @@ class Texture(Value):
     def _sampled(self, data: Texels, p: Expr) -> Expr:
         """The picture at a point: one projection, or the weighted sum of three."""
         place = _Place(p)
-        if self.layout.axis is not None:
-            return place.read(data, self.layout, self.layout.axis, expr(1.0))
-        total = expr(0.0) if data.channels == 1 else expr((0.0,) * data.channels)
-        for axis, weight in place.weights(self.layout.hardness).items():
-            total = total + place.read(data, self.layout, axis, weight)
-        return total
+        return sum_of([place.read(data, self.layout, axis, weight) for axis, weight in _weights(self.layout).items()])
 
     def _gradient(self, data: Texels, p: Expr, per_tile: bool) -> Expr:
         """Slopes along u and v as a gradient in space. Gradients of the three projections add up (Mikkelsen 2020)."""
         place, layout = _Place(p), self.layout
-        chosen = {layout.axis: expr(1.0)} if layout.axis is not None else place.weights(layout.hardness)
-        total = expr((0.0, 0.0, 0.0))
-        for axis, weight in chosen.items():
+        terms = []
+        for axis, weight in _weights(layout).items():
             slope = place.read(data, layout, axis, weight)
-            total = total + _Frame(layout, axis).out(slope / vec2(*layout.extents) if per_tile else slope)
-        return total
+            terms.append(_Frame(layout, axis).out(slope / vec2(*layout.extents) if per_tile else slope))
+        return sum_of(terms)
+
+
+def _weights(layout: Layout) -> dict[str, Expr]:
+    """The weights of the projections, from the components of the normal if there are three; their sum is 1."""
+    if layout.axis is not None:
+        return {layout.axis: expr(1.0)}
+    powers = [pow(abs(NORMAL[i]), layout.hardness) for i in range(3)]
+    total = max(powers[0] + powers[1] + powers[2], 1e-30)
+    return {axis: power / total for axis, power in zip("xyz", powers, strict=True)}
 
 
 class _Place:
-    """A point at which a texture is sampled, with the normal and the footprint there."""
+    """A point at which a texture is sampled, with the footprint there."""
 
     def __init__(self, p: Expr) -> None:
         self.p = p
         # If a pattern moves the point, the footprint is transformed by the derivative of the motion.
         self.dpdx, self.dpdy = (DPDX, DPDY) if p is POSITION else directional_derivatives(p, POSITION, (DPDX, DPDY))
-
-    def weights(self, hardness: Expr) -> dict[str, Expr]:
-        """Weights of the three projections from the components of the normal; their sum is 1."""
-        powers = [pow(abs(NORMAL[i]), hardness) for i in range(3)]
-        total = max(powers[0] + powers[1] + powers[2], 1e-30)
-        return {axis: power / total for axis, power in zip("xyz", powers, strict=True)}
 
     def read(self, data: Texels, layout: Layout, axis: str, weight: Expr) -> Expr:
         """The picture projected along one axis, times a weight."""
