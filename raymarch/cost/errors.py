@@ -13,7 +13,7 @@ from raymarch.cost.flip import BAD, Perceived, flip_between, largest_region, per
 from raymarch.cost.reference import Reference
 from raymarch.errors import CostError
 from raymarch.scene.scene import Scene
-from raymarch.truth.compare import shaped
+from raymarch.truth.edges import angle, shaped
 
 Array = NDArray[np.float64]
 NAN = float("nan")
@@ -129,7 +129,7 @@ def measure(
         found |= _ranks("pixels", off / known.footprint()[compared], 50, 99, 99.9, 100)
         if normal is not None:
             vectors = shaped("errors: normal", normal, known.normal.shape)
-            found |= _ranks("normal", _angles(vectors[compared], known.normal[compared]), 50, 99, 100)
+            found |= _ranks("normal", np.degrees(angle(vectors[compared], known.normal[compared])), 50, 99, 100)
     if color is not None:
         picture = shaped("errors: color", color, known.picture.shape)
         found |= picture_errors(picture_difference(known, picture) if difference is None else difference)
@@ -190,8 +190,3 @@ def _ranks(name: str, values: Array, *ranks: float) -> dict[str, float]:
     found = np.percentile(values, ranks)
     names = ("max" if r == 100 else f"p{r}".replace(".", "") for r in ranks)
     return {f"{name}_{rank}": float(v) for rank, v in zip(names, found, strict=True)}
-
-
-def _angles(a: Array, b: Array) -> Array:
-    """Degrees between vectors of any length, accurate for small angles too."""
-    return np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.einsum("ij,ij->i", a, b)))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from raymarch.scene.parameter import ParamValue, set_values
 from raymarch.scene.scene import Scene
-from raymarch.truth.compare import silhouettes
+from raymarch.truth.edges import silhouettes
 from raymarch.truth.rays import rays_through
 from raymarch.truth.tracer import trace
 

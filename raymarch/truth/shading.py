@@ -10,21 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.scene.bsdf import BSDF, bsdf_of, samples_both
+from raymarch.scene.bsdf import bsdf_of, samples_both
 from raymarch.scene.light import Light, PointLight, power_heuristic
 from raymarch.scene.parameter import Values
 from raymarch.scene.relief import shading_normal
 from raymarch.scene.scene import Scene
 from raymarch.scene.sky import harmonics_at
-from raymarch.truth.bsdf import (
-    lobe_density,
-    mirrored,
-    reflect_light,
-    reflect_sky,
-    scattered,
-    traced_lobes,
-    values_of,
-)
+from raymarch.truth.bsdf import Reflection, values_of
 from raymarch.truth.field import Field
 from raymarch.truth.fog import fogged
 from raymarch.truth.light import (
@@ -100,11 +92,6 @@ class Surface:
         """Index of the material with the largest weight, (N,)."""
         return np.argmax(self.weights, axis=1)
 
-    @cached_property
-    def bsdf(self) -> BSDF:
-        """The BSDF of all materials."""
-        return bsdf_of(self.scene.materials, self.scene.quality)
-
     def light(self, traced: Sequence[Array] | None = None) -> Array:
         """Outgoing radiance: emission and reflected light of emitters and sky, (N, 3).
 
@@ -146,24 +133,19 @@ class Surface:
         light = sky.harmonics(self.values)
         n_dot_v = np.clip(-np.einsum("ij,ij->i", n, self.directions), 0.0, 1.0)[:, None]
         reflected = self.directions + 2.0 * n_dot_v * n
-        skies = (
-            np.maximum(harmonics_at(n) @ light, 0.0),
-            np.broadcast_to(sky.radiance_along(reflected, self.values), n.shape),
-            np.maximum(harmonics_at(reflected) @ light, 0.0),
-        )
+        mean, blurred = (np.maximum(harmonics_at(about) @ light, 0.0) for about in (n, reflected))
+        around = np.broadcast_to(sky.radiance_along(reflected, self.values), n.shape)
         if traced is None:
-            traced = [np.zeros(len(n)) for _ in self.traced_lobes()]
-        found = reflect_sky(self.bsdf, self._regularized, n, -self.directions, skies, traced)
+            traced = [np.zeros(len(n)) for _ in self.reflection.traced()]
+        found = self._regularized.reflect_sky(mean, around, blurred, traced)
         result: Array = material["ambient_visibility"] * self._ambient_occlusion * found
         return result
 
-    def traced_lobes(self) -> list[Array]:
-        """Fraction of each lobe that Whitted ray tracing replaces by a mirror, (N,)."""
-        return traced_lobes(self.bsdf, self.material_values, self.shading_normals, -self.directions)
-
-    def mirrored(self, traced: Sequence[Array]) -> Array:
-        """Reflectance of the traced fractions of the lobes, (N, 3)."""
-        return mirrored(self.bsdf, self.material_values, self.shading_normals, -self.directions, traced)
+    @cached_property
+    def reflection(self) -> Reflection:
+        """The BSDF of all materials at the points."""
+        bsdf = bsdf_of(self.scene.materials, self.scene.quality)
+        return Reflection(bsdf, self.material_values, self.shading_normals, -self.directions)
 
     @cached_property
     def material_values(self) -> dict[str, Array]:
@@ -187,11 +169,12 @@ class Surface:
             return self.points
         return self.points - self.offset[:, None] * self.normals
 
-    @property
-    def _regularized(self) -> dict[str, Array]:
-        """The material values towards lights and sky, with their roughness bounded from below."""
-        material = self.material_values
-        return material | {name: np.maximum(material[name], self.min_roughness) for name in self.bsdf.rough}
+    @cached_property
+    def _regularized(self) -> Reflection:
+        """The reflection towards lights and sky, with the roughness bounded from below."""
+        at, material = self.reflection, self.material_values
+        rough = {name: np.maximum(material[name], self.min_roughness) for name in at.bsdf.rough}
+        return replace(at, material=material | rough)
 
     @cached_property
     def shading_normals(self) -> Array:
@@ -223,8 +206,7 @@ class Surface:
 
     def _from_both(self, light: Light, centres: Iterator[Incoming], count: int) -> Array:
         """The same of points of the light and directions of the lobes, with the weights of the shader."""
-        values, points = self._regularized, self.points
-        frame = self.bsdf, values, self.shading_normals, -self.directions
+        points = self.points
         met: Callable[[Array], Incoming] = partial(met_by, light, self.values, points, self.far)
         density: Callable[[Incoming], Array] = partial(light_density, light, self.values, points)
         samples = centres
@@ -236,12 +218,12 @@ class Surface:
 
         def reflected(incident: Incoming, sampled: bool) -> Array:
             """The weighted light of a sample of the light, or of the lobes."""
-            other = lobe_density(*frame, incident.direction)
+            other = self._regularized.pdf_lobes(incident.direction)
             weight = values_of(power_heuristic, np.full(len(other), not sampled), density(incident), other)
             return self._reflected(light, replace(incident, radiance=weight[:, None] * incident.radiance))
 
         from_light = sum((reflected(part, True) for part in samples), np.zeros_like(points)) / count
-        directions = (scattered(*frame, (u, v, choice)) for u, v, choice in lobe_numbers().tolist())
+        directions = (self._regularized.sample_lobes((u, v, choice)) for u, v, choice in lobe_numbers().tolist())
         from_lobes = (reflected(met(direction), False) for direction in directions)
         return from_light + sum(from_lobes, np.zeros_like(points)) / LOBE_SAMPLES
 
@@ -259,8 +241,7 @@ class Surface:
         """Reflected light from one direction, and the light that arrives from all directions."""
         n_dot_l = np.einsum("ij,ij->i", self.shading_normals, incident.direction)
         visible = self._visibility(light, incident, (n_dot_l > 0.0) & incident.radiance.any(axis=1))[:, None]
-        frame = self.shading_normals, -self.directions, incident.direction
-        value, ambient = reflect_light(self.bsdf, self._regularized, *frame)
+        value, ambient = self._regularized.eval(incident.direction)
         dimmed = self.material_values["ambient_visibility"] * self._ambient_occlusion * ambient
         result: Array = incident.radiance * (dimmed + visible * value)
         return result

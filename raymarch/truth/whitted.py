@@ -34,7 +34,7 @@ def radiance(surface: Surface, weight: Array | None = None, depth: int = 0) -> A
     n, material, last = len(surface.depth), surface.material_values, depth == surface.scene.bounces
     weight = np.ones((n, 3)) if weight is None else weight
     transmission = np.ones(n) if surface.in_glass else material["transmission"][:, 0]
-    traced = [np.zeros(n) if last else part for part in surface.traced_lobes()]
+    traced = [np.zeros(n) if last else part for part in surface.reflection.traced()]
     color = np.zeros((n, 3))
     if np.any(transmission < 1.0):
         color += (1.0 - transmission)[:, None] * surface.light(traced)
@@ -48,7 +48,7 @@ def radiance(surface: Surface, weight: Array | None = None, depth: int = 0) -> A
     throughput = weight.max(axis=1)
     fresnel = np.where(fresnel * throughput < THROUGHPUT_CUTOFF, 0.0, fresnel)
     fresnel = np.where((1.0 - fresnel) * throughput < THROUGHPUT_CUTOFF, 1.0, fresnel)
-    reflected = (transmission * fresnel)[:, None] + (1.0 - transmission)[:, None] * surface.mirrored(traced)
+    reflected = (transmission * fresnel)[:, None] + (1.0 - transmission)[:, None] * surface.reflection.mirrored(traced)
     refracted = np.broadcast_to((transmission * (1.0 - fresnel))[:, None], (n, 3))
     directions = surface.directions + 2.0 * cosine[:, None] * surface.shading_normals
     color += reflected * _trace_secondary(surface, weight * reflected, directions, depth, crosses=False)
@@ -65,7 +65,7 @@ def _refract(surface: Surface, cosine: Array, ratio: Array) -> Array:
 
 
 def _trace_secondary(surface: Surface, weight: Array, directions: Array, depth: int, crosses: bool) -> Array:
-    """Radiance that arrives normal_scale some directions, (N, 3); 0 where the throughput is below the cutoff.
+    """Radiance that arrives from some directions, (N, 3); 0 where the throughput is below the cutoff.
 
     crosses : the rays start on the far side of the surface.
     """
@@ -105,8 +105,5 @@ def _trace_secondary(surface: Surface, weight: Array, directions: Array, depth: 
 def _absorption(surface: Surface) -> Array:
     """Absorption of the glass that contains or begins at the surface, (N, 3). Internal reflections stay in the same
     glass."""
-    return (
-        surface.material_values["absorption"]
-        if surface.absorption is None or not surface.in_glass
-        else surface.absorption
-    )
+    begins = surface.absorption is None or not surface.in_glass
+    return surface.material_values["absorption"] if begins else surface.absorption

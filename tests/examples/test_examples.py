@@ -12,7 +12,8 @@ from raymarch.gpu.renderer import Renderer
 from raymarch.scene import load
 from raymarch.scene.parameter import set_values
 from raymarch.scene.quality import NORMALS
-from raymarch.truth import Truth, compare, silhouettes, truth
+from raymarch.truth import Truth, silhouettes, truth
+from tests.support.compared import compare
 
 FOLDER = Path(__file__).parents[2] / "examples"
 EXAMPLES = sorted(p.stem for p in FOLDER.glob("*.py"))

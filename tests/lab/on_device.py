@@ -22,7 +22,8 @@ from raymarch.gpu.doctor import examine
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Target
 from raymarch.scene import load
-from raymarch.truth import compare, truth
+from raymarch.truth import truth
+from tests.support.compared import compare
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SIZE = (160, 90)

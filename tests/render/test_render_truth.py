@@ -13,8 +13,9 @@ from raymarch.expr.arrays import bound
 from raymarch.gpu import Renderer
 from raymarch.scene import load
 from raymarch.scene.parameter import Values, set_values
-from raymarch.truth import Truth, compare, silhouettes, truth
+from raymarch.truth import Truth, silhouettes, truth
 from tests.support.analytic import EPSILON, around
+from tests.support.compared import compare
 
 SIZE = (80, 60)
 

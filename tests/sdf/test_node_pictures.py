@@ -14,7 +14,8 @@ from raymarch.gpu.context import Context
 from raymarch.scene.parameter import set_values
 from raymarch.sdf import Node
 from raymarch.sdf.definition import REGISTRY
-from raymarch.truth import compare, silhouettes, truth
+from raymarch.truth import silhouettes, truth
+from tests.support.compared import compare
 from tests.support.node_samples import NodeSample, definitions, samples
 
 SIZE, SMALL = (48, 48), (32, 32)

@@ -16,7 +16,8 @@ from raymarch.expr.samples import Samples
 from raymarch.gpu.renderer import Renderer
 from raymarch.sdf.nearest import Surface
 from raymarch.sdf.sampled import displace_by_image, displace_by_samples, grid, heightmap, mesh, terrain
-from raymarch.truth import compare, truth
+from raymarch.truth import truth
+from tests.support.compared import compare
 
 
 def points_in(reach: float, n: int) -> np.ndarray:

@@ -15,7 +15,7 @@ from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import dot, get, where
 from raymarch.gpu.context import Context
 from raymarch.scene.bsdf import BSDF, RANDOM, Microfacets, Random
-from raymarch.truth.bsdf import reflect_light
+from raymarch.truth.bsdf import Reflection
 from tests.support.glsl_harness import evaluate
 
 Z = const((0.0, 0.0, 1.0))
@@ -38,7 +38,7 @@ def microfacets(
     wide = [np.broadcast_to(np.asarray(x, np.float64), shape) for x in (normal, view, light, color, f0)]
     one = [np.broadcast_to(np.asarray(x, np.float64), (len(wide[0]), 3))[:, :1] for x in (metalness, roughness)]
     values = {"color": wide[3], "metalness": one[0], "roughness": one[1], "f0": wide[4]}
-    return reflect_light(Microfacets(masking, several), values, *wide[:3])[0]
+    return Reflection(Microfacets(masking, several), values, *wide[:2]).eval(wide[2])[0]
 
 
 def material(**values: ArrayLike) -> dict[str, Any]:

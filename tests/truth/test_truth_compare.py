@@ -9,7 +9,8 @@ import pytest
 
 from raymarch.scene import Camera, Material, Scene
 from raymarch.sdf import box, plane, sphere
-from raymarch.truth import Truth, compare, silhouettes, truth
+from raymarch.truth import Truth, silhouettes, truth
+from tests.support.compared import compare
 
 
 def picture(node: Any, position: Any = (0, 0, 5), target: Any = (0, 0, 0), size: Any = (80, 60)) -> Truth:

@@ -1,12 +1,8 @@
-"""Compare a frame with the reference away from silhouettes.
-
-At a silhouette the smallest offset of a ray decides which of two surfaces it hits.
-"""
+"""Silhouettes of the reference: there the smallest offset of a ray decides which of two surfaces it hits."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,67 +18,6 @@ TURN = np.radians(1.0)
 """Smaller turns of the normal are never a crease: half a step of an 8-bit colour."""
 CORNER = np.radians(30.0)
 """Larger turns from one pixel to the next are always a crease: a sphere with a radius of two pixels turns as much."""
-
-
-@dataclass(frozen=True, slots=True)
-class Comparison:
-    """Errors of a frame against the reference.
-
-    Errors are taken where both hit, away from silhouettes. They are nan if there is no such pixel.
-
-    Attributes
-    ----------
-    pixels : number of pixels away from silhouettes. compared : number of these where both hit.
-    missed_hits : number of these where the reference hits and the frame does not. false_hits : the reverse.
-    depth_p50, depth_p99, depth_max : |depth - reference| / reference; median, 99th percentile, largest.
-    normal_p50, normal_p95, normal_p99, normal_max : angle between the normals, in degrees.
-    """
-
-    pixels: int
-    compared: int
-    missed_hits: int
-    false_hits: int
-    depth_p50: float
-    depth_p99: float
-    depth_max: float
-    normal_p50: float
-    normal_p95: float
-    normal_p99: float
-    normal_max: float
-
-
-def compare(frame_depth: ArrayLike, frame_normal: ArrayLike | None, truth: Truth, width: int = 1) -> Comparison:
-    """Compare depths and normals of a frame with the reference.
-
-    Parameters
-    ----------
-    frame_depth : (H, W), inf where nothing was hit; NaN counts as no hit.
-    frame_normal : (H, W, 3), any length but 0; None leaves the angles nan.
-    truth : the reference of the same scene, size, time and parameters.
-    width : width of the excluded band around silhouettes in pixels; see `silhouettes`.
-
-    Raises ValueError for arrays of another shape.
-    """
-    depth = shaped("compare: frame_depth", frame_depth, truth.depth.shape)
-    plain = ~silhouettes(truth, width)
-    hit = np.isfinite(depth)
-    both = plain & hit & truth.hit
-    with np.errstate(divide="ignore", invalid="ignore"):
-        wrong = np.abs(depth[both] - truth.depth[both]) / truth.depth[both]
-    wrong = np.where(depth[both] == truth.depth[both], 0.0, wrong)
-    if frame_normal is None:
-        angles = np.empty(0)
-    else:
-        normal = shaped("compare: frame_normal", frame_normal, truth.normal.shape)
-        angles = np.degrees(_angle(normal[both], truth.normal[both]))
-    return Comparison(
-        int(plain.sum()),
-        int(both.sum()),
-        int((plain & truth.hit & ~hit).sum()),
-        int((plain & ~truth.hit & hit).sum()),
-        *_percentiles(wrong, 50, 99, 100),
-        *_percentiles(angles, 50, 95, 99, 100),
-    )
 
 
 def silhouettes(truth: Truth, width: int = 1) -> NDArray[np.bool_]:
@@ -171,19 +106,13 @@ def _off_plane(truth: Truth, a: Window, depth_a: Any, b: Window, depth_b: Any) -
 
 def _turn(truth: Truth, a: Window, b: Window) -> NDArray[np.float64]:
     """Angle between the normals where both pixels hit, else 0."""
-    return np.where(truth.hit[a] & truth.hit[b], _angle(truth.normal[a], truth.normal[b]), 0.0)
+    return np.where(truth.hit[a] & truth.hit[b], angle(truth.normal[a], truth.normal[b]), 0.0)
 
 
-def _angle(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.float64]:
+def angle(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.float64]:
     """Angle between vectors of any length, in radians, accurate for small angles too."""
     result: NDArray[np.float64] = np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.einsum("ij,ij->i", a, b))
     return result
-
-
-def _percentiles(values: NDArray[np.float64], *ranks: int) -> tuple[float, ...]:
-    if not values.size:
-        return (np.nan,) * len(ranks)
-    return tuple(float(v) for v in np.percentile(values, ranks))
 
 
 def shaped(name: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
