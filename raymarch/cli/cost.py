@@ -115,7 +115,8 @@ def run(
         raise CommandError("--effects together with --cluster", legal="one of them")
     if mixed_drivers and cluster is None:
         raise CommandError("--mixed-drivers without --cluster", legal="--cluster tcp://HOST:PORT or local:N")
-    asked = axes(_names(cross), _given(axis or []))
+    crossed = None if cross is None else [name.strip() for name in cross.split(",") if name.strip()]
+    asked = axes(crossed, _given(axis or []))
     pixels, params = parse_size(size or SIZE), parse_settings(set_ or [])
     found = load(scene)
     bench = _Bench(found, scene.stem, pixels, time or 0.0, params, backend, device)
@@ -296,10 +297,6 @@ def _check_files(files: dict[str, Path | None]) -> None:
             plotting()
         if option == "--html":
             templates()
-
-
-def _names(cross: str | None) -> Sequence[str] | None:
-    return None if cross is None else [name.strip() for name in cross.split(",") if name.strip()]
 
 
 def _given(texts: Sequence[str]) -> dict[str, Sequence[Any]]:

@@ -193,7 +193,7 @@ def run(
         contents = Contents(found, shot, renderer)
         for i, item in enumerate(items):
             start = clock_time.perf_counter()
-            tell = partial(_later, progress, i)
+            tell = partial(lambda before, share: progress(before + share), i)
             file = item.file
             if renderer.size != item.size:
                 renderer.resize(item.size)
@@ -268,10 +268,6 @@ def _check_alpha(target: Path, view: str) -> None:
         raise CommandError(f"--alpha with --view {view}", legal="the final picture")
     if target.suffix.lower() not in (".png", ".webp", ".tif", ".tiff"):
         raise CommandError(f"--alpha with the output '{target}'", legal="a file ending in .png, .webp, .tif or .tiff")
-
-
-def _later(progress: Callable[[float], None], before: int, share: float) -> None:
-    progress(before + share)
 
 
 def _items(target: Path, time: float | None, frames: str | None, fps: float, size: tuple[int, int]) -> list[Item]:

@@ -70,8 +70,8 @@ def run(
         params = parse_settings(set_ or [])
         viewer = Viewer(scene, parse_size(size), params, budget, settings, log, samples, panel, stops)
     code = viewer.run(demo_seconds)
-    if code == 2 and viewer.fault is not None:  # the message in the window is gone
-        errors.print(f"raymarch: {viewer.fault.text()}")
+    if code == 2 and viewer.model.fault is not None:  # the message in the window is gone
+        errors.print(f"raymarch: {viewer.model.fault.text()}")
     sys.exit(code)
 
 

@@ -79,7 +79,7 @@ def _compared(frame: Frame, scene: Scene, params: Mapping[str, Any]) -> Shown:
     from raymarch.cost import maps  # only this view uses the reference
 
     def image() -> Image.Image:
-        return with_bar(maps.error_picture(maps.errors_of(frame, scene, params)), maps.error_scale())
+        return with_bar(maps.error_picture(maps.errors_of(frame, scene, params)), maps.ERROR_SCALE)
 
     def numbers() -> NDArray[np.float32]:
         errors = maps.errors_of(frame, scene, params)

@@ -51,8 +51,6 @@ LARGEST_BATCH = 32
 class Options:
     """How a cluster draws.
 
-    Attributes
-    ----------
     mixed : accept workers with different drivers or libraries. split : number of shares of each pixel's samples.
     batch : pictures of one task. None: as many as take `TASK` seconds.
     timeout : seconds that a task may take. backend, device : of the workers' OpenGL contexts.

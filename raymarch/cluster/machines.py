@@ -21,8 +21,6 @@ from raymarch.gpu.context import Driver
 class Machine:
     """All of a worker that a picture depends on.
 
-    Attributes
-    ----------
     raymarch : version of the package and a hash of its files. libraries : versions of Python, NumPy and Pillow.
     driver : of OpenGL.
     """

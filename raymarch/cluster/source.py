@@ -22,8 +22,6 @@ from raymarch.scene.scene import Scene, check_scene
 class Source:
     """A scene that can be pickled.
 
-    Attributes
-    ----------
     name : the path of the scene file as the user gave it; "" for a pickled scene. folder : the working directory.
     files : the content of all files that the scene read, by absolute path.
     pickled : the scene, if it was not made from a file.

@@ -45,8 +45,6 @@ ANSWER = 60.0
 class Log:
     """What happened: pictures and seconds by worker, and the faults.
 
-    Attributes
-    ----------
     pictures, seconds : by the address of the worker.
     lost : workers that were lost. again : tasks that were assigned to another worker after that. workers : now.
     """
@@ -79,8 +77,6 @@ class Failed:
 class Cluster(Generic[U]):
     """The workers that a command uses.
 
-    Attributes
-    ----------
     client : a `distributed.Client`. resources : Dask resources that a worker must have, such as {"GPU": 1}.
     log : what happened. used : the kinds of workers that draw, once they are known.
     """

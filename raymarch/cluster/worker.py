@@ -38,8 +38,6 @@ ELSEWHERE = 0.5
 class Job:
     """What the tasks of a film have in common.
 
-    Attributes
-    ----------
     quality : of the scene. shot : what to draw.
     backend, device : of the OpenGL context; None is the worker's variable RAYMARCH_EGL_DEVICE.
     machines : kinds of workers that may draw. timeout : seconds after which a worker that still draws ends itself.
@@ -57,8 +55,6 @@ class Job:
 class Work:
     """What a worker did for a picture.
 
-    Attributes
-    ----------
     milliseconds : to draw, by the renderer's clock. seconds : of the whole task. worker : its address.
     doubts : reasons to doubt the picture.
     """

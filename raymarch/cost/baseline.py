@@ -14,7 +14,6 @@ from typing import Any
 from raymarch.cost.effects import evaluations_of
 from raymarch.cost.errors import measure
 from raymarch.cost.reference import Reference
-from raymarch.cost.settings import with_quality
 from raymarch.errors import CostError
 from raymarch.scene.quality import PRESETS
 from raymarch.scene.scene import Scene
@@ -72,7 +71,7 @@ def measured(
     rows = {OWN: row_of(scene, known, renderer, time, params)}
     rows[OWN]["all_evaluations"] = round(evaluations_of(scene, renderer, time, params), 3)
     for preset in PRESETS:
-        changed = with_quality(scene, scene.quality.to_preset(preset))
+        changed = scene.replace(quality=scene.quality.to_preset(preset))
         rows[preset] = row_of(changed, known, renderer, time, params)
     return rows
 

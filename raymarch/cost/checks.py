@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.cost.settings import with_quality
 from raymarch.cost.sweep import Point, Sweep
 from raymarch.gpu.clock import Trial, try_timer
 from raymarch.plan.marching import trusted
@@ -85,7 +84,7 @@ def check_hits(point: Point, scene: Scene, made: Sweep, field: Field, pose: Pose
     steps have no promise.
     """
     quality = point.setting.quality
-    certified = trusted(with_quality(scene, quality))
+    certified = trusted(scene.replace(quality=quality))
     promised = quality.contact(certified)
     known = made.known
     ended = np.isfinite(point.depth) & point.done

@@ -52,13 +52,12 @@ def draw(
     time: float = 0.0,
     params: Mapping[str, Any] | None = None,
     outputs: Sequence[str] = ("color",),
-) -> tuple[Frame, list[Frame]]:
-    """Render all frames of a setting; returns the last one, and the list of all."""
+) -> list[Frame]:
+    """Render all frames of a setting."""
     made = setting.of(scene)
     if setting.frames > 1:
         renderer.forget()
-    frames = [renderer.render(made, time, params, outputs) for _ in range(setting.frames)]
-    return frames[-1], frames
+    return [renderer.render(made, time, params, outputs) for _ in range(setting.frames)]
 
 
 def timed(
@@ -71,7 +70,7 @@ def timed(
 ) -> tuple[float, float]:
     """Milliseconds of one picture, by the renderer's clock and by the wall clock."""
     start = perf_counter()
-    claimed = sum(frame.milliseconds for frame in draw(scene, setting, renderer, time, params, (output,))[1])
+    claimed = sum(frame.milliseconds for frame in draw(scene, setting, renderer, time, params, (output,)))
     return claimed, 1e3 * (perf_counter() - start)
 
 

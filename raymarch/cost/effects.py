@@ -14,7 +14,7 @@ from rich.table import Table
 from raymarch.cost.drawing import timed
 from raymarch.cost.errors import picture_errors
 from raymarch.cost.flip import flip
-from raymarch.cost.settings import Setting, with_quality
+from raymarch.cost.settings import Setting
 from raymarch.cost.statistics import Median, median
 from raymarch.cost.sweep import Progress, turns
 from raymarch.errors import CostError
@@ -25,6 +25,7 @@ from raymarch.plan import plan
 from raymarch.scene.light import hard
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import set_values
+from raymarch.scene.quality import SINGLE_PASS
 from raymarch.scene.scene import Scene
 from raymarch.sdf.labels import relabelled
 from raymarch.shader import assemble
@@ -213,10 +214,7 @@ def evaluations_of(scene: Scene, renderer: Any, time: float = 0.0, params: Mappi
 
     The scene's own shader with an inserted counter counts them, at one ray per pixel and without cones.
     """
-    plain = with_quality(
-        scene.replace(post=[]),
-        replace(scene.quality, samples=1, temporal="off", schedule="single", steps_per_pass=None, lights_per_pass=None),
-    )
+    plain = scene.replace(post=[], quality=scene.quality.replace(**SINGLE_PASS, samples=1))
     ready = prepare(plain, ("color",), renderer.size)
     counting = replace(ready, texts={name: counting_text(text) for name, text in ready.texts.items()})
     with Renderer(renderer.size, context=renderer.context) as own:

@@ -30,8 +30,6 @@ class Errors:
     are the two `_at_edges` and the errors of the picture. All others are taken where both the frame and the reference
     hit. Where nearly all hits are at silhouettes, as on a fractal, distances and normals are compared there too.
 
-    Attributes
-    ----------
     pixels : number of compared pixels.
     apart : False if silhouettes had to be compared too.
     missed, false : number of hits that only the reference has, and that only the frame has.
@@ -91,8 +89,6 @@ def measure(
 ) -> Errors:
     """The errors of a frame's arrays.
 
-    Parameters
-    ----------
     known : the reference.
     depth : (H, W), inf where nothing was hit.
     normal : (H, W, 3), any length but 0; None leaves the angles nan.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,7 @@ BANDS = 20
 than shades, and they compress better."""
 FOOTPRINT_SCALE = Scale("pixel footprints", LOWEST, HIGHEST, "log")
 FLIP_SCALE = Scale("FLIP", 0.0, 1.0)
+ERROR_SCALE = replace(FOOTPRINT_SCALE, quantity="pixel footprints from the true hit; magenta: a missed or false hit")
 
 
 def plotting() -> Any:
@@ -92,14 +94,8 @@ def errors_of(frame: Frame, scene: Scene, params: Mapping[str, Any] | None = Non
     return apart(frame.depth, known.depth, frame.pose.footprint(known.depth, frame.size[1]))
 
 
-def error_scale() -> Scale:
-    """The colour scale of `error_picture`."""
-    quantity = "pixel footprints from the true hit; magenta: a missed or false hit"
-    return Scale(quantity, LOWEST, HIGHEST, "log")
-
-
 def error_picture(errors: NDArray[np.float64]) -> Image.Image:
     """The result of `errors_of` as an 8-bit image of the same size; missed and false hits are magenta."""
-    pixels = np.asarray(np.rint(255 * error_scale().colored(errors)), np.uint8)
+    pixels = np.asarray(np.rint(255 * ERROR_SCALE.colored(errors)), np.uint8)
     pixels[~np.isfinite(errors)] = WRONG
     return Image.fromarray(pixels)

@@ -21,8 +21,6 @@ from raymarch.truth.near_edges import silhouettes_within
 from raymarch.truth.rays import Rays, camera_rays, lens_rays
 from raymarch.truth.tracer import finished, lens_points, trace
 
-CACHE_VARIABLE = cache.VARIABLE
-
 EDGE_WIDTHS = (0.25, 0.0625)
 """Edge distances in pixels that are tried where nearly every pixel has an edge."""
 MOST_AT_EDGES = 0.5
@@ -38,8 +36,6 @@ Progress = Callable[[str], None]
 class Reference:
     """The reference of a scene, of H rows and W columns, computed on the CPU alone.
 
-    Attributes
-    ----------
     depth, hit, normal, material, color, direction : as in `raymarch.truth`: through the centres of the pixels.
     edges : (H, W) bool, pixels with an edge within `edge_width` pixels of their centre.
     edge_width : 1, by `raymarch.truth.silhouettes`. Less, by `raymarch.truth.near_edges`, where most hits would be at
@@ -95,8 +91,6 @@ def reference(
 ) -> Reference:
     """The reference of a scene, from the cache if it was computed before.
 
-    Parameters
-    ----------
     scene, size, time, params : as `raymarch.truth` takes them.
     samples : rays per pixel of the averaged picture, a square number from 1 to 256. 1 is the centre alone. 0 skips the
         colours (then 0) and N* (then -1), which take the longest.

@@ -63,8 +63,6 @@ DRAWN = {"frames": (1, 256), "scale": (0.1, 4.0)}
 class Setting:
     """Settings to render a scene with; the name lists the differences from the base.
 
-    Attributes
-    ----------
     quality : the quality to render with. preset : its name if it is a preset.
     frames : number of frames whose mean is the picture; all of them are timed.
     scale : width of the frame over that of the picture; the picture is resampled from the frame.
@@ -85,7 +83,7 @@ class Setting:
         made = varied(scene, self.variations)
         if made is None:
             raise ValueError(f"{self.name}: the scene has nothing to change")
-        return with_quality(made, self.quality)
+        return made.replace(quality=self.quality)
 
     def size(self, size: tuple[int, int]) -> tuple[int, int]:
         """Size of the frame for a picture of some size."""
@@ -96,8 +94,6 @@ class Setting:
 def axes(names: Sequence[str] | None = None, given: Mapping[str, Sequence[Any]] | None = None) -> tuple[Axis, ...]:
     """The axes to sweep.
 
-    Parameters
-    ----------
     names : use these axes only, all crossed; None is all of AXES.
     given : values that replace the default ones, by name; a field without a default axis is allowed too.
 
@@ -171,8 +167,8 @@ def settled(scene: Scene, quality: Quality, size: tuple[int, int] | None = None)
 
     size : of the picture; the plan chooses the schedule by it.
     """
-    made = with_quality(scene, quality)
-    planned = marched_otherwise(_planned(with_quality(scene, unmarched(quality)), size), quality, size)
+    made = scene.replace(quality=quality)
+    planned = marched_otherwise(_planned(scene.replace(quality=unmarched(quality)), size), quality, size)
     tracer = planned.marching.tracer
     shadowed = any(light.shadow for light in scene.lights)
     discs = any(light.soft and light.penumbra == "sampled" for light in scene.lights)
@@ -200,11 +196,6 @@ def schedule_of(marching: Marching) -> str:
     """The name of the schedule that the plan chose."""
     levels = tuple(level for level in marching.schedule.levels if level != PIXEL)
     return next(name for name, known in SCHEDULES.items() if known.levels == levels)
-
-
-def with_quality(scene: Scene, quality: Quality) -> Scene:
-    """The same scene with another quality; the given one stays as it is."""
-    return scene.replace(quality=quality)
 
 
 def differences(quality: Quality, other: Quality) -> list[str]:

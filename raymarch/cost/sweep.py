@@ -52,8 +52,6 @@ Count = Callable[..., float]
 class Point:
     """The measurement of one setting.
 
-    Attributes
-    ----------
     setting : name and quality. tracer, schedule : the choices of the plan.
     errors : against the reference.
     evaluations, iterations : mean over the primary rays. worst_evaluations : of the worst pixel.
@@ -117,8 +115,6 @@ class Point:
 class Sweep:
     """The measurements of all settings of a scene. The first point is the scene's own quality.
 
-    Attributes
-    ----------
     name : of the scene. known : its reference. floor : mean of N* over the pixels; nan for an estimate.
     seed, repeats : seed of the frame order, and number of frames of each setting.
     environment : see `raymarch.cost.sweep.environment`.
@@ -183,8 +179,6 @@ def sweep(
 ) -> Sweep:
     """Measure a scene at each of some settings.
 
-    Parameters
-    ----------
     settings : at least one; the first is what others are compared with.
     known : the reference of the scene, at the renderer's size.
     repeats : timed frames of each setting, >= 1. The settings take turns in random order, so that other load on the
@@ -254,11 +248,10 @@ def examine(
 ) -> Point:
     """Measure everything of a setting but its time: errors, counts, and the first frame."""
     made, size = setting.of(scene), known.size
-    last, frames = draw(scene, setting, renderer, time, params, (output,))
-    compile_ms = sum(t.compile for t in frames[0].timings)
-    first_ms = frames[0].milliseconds
+    frames = draw(scene, setting, renderer, time, params, (output,))
+    compile_ms, first_ms = sum(t.compile for t in frames[0].timings), frames[0].milliseconds
     ready = renderer.prepared(made)
-    color = brought_to(last.array("color"), size) if output == "color" else None
+    color = brought_to(frames[-1].array("color"), size) if output == "color" else None
     geometry = renderer.render(made, time, params, ("depth",))
     difference = None if color is None else picture_difference(known, color)
     evaluations = geometry.array("evaluations")

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from html import escape
 from importlib.util import find_spec
-from io import BytesIO
 from typing import Any
-
-from PIL import Image
 
 from raymarch.errors import PlanError, SceneError
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import integer, short
+from raymarch.gpu import frame
 from raymarch.gpu.renderer import render
 from raymarch.scene.parameter import Values, set_values
 from raymarch.scene.scene import Scene, check_scene, in_notebook, scene_of
@@ -27,14 +25,7 @@ FLAT = 0.1
 
 def png(shown: Scene | Node) -> bytes:
     """The picture of a scene or a node as a PNG file; a flat shape is extruded."""
-    return encoded(render(as_scene(shown), SIZE))
-
-
-def encoded(image: Image.Image) -> bytes:
-    """An image as a PNG file."""
-    out = BytesIO()
-    image.save(out, "PNG")
-    return out.getvalue()
+    return frame.png(render(as_scene(shown), SIZE))
 
 
 def as_scene(shown: Scene | Node) -> Scene:
@@ -61,7 +52,7 @@ class Live:
         from raymarch.export.text.html import text_of
 
         image = render(self.scene, self.size, self.values.time, self.values.params)
-        found: dict[str, Any] = {"image/png": encoded(image), "text/plain": repr(self)}
+        found: dict[str, Any] = {"image/png": frame.png(image), "text/plain": repr(self)}
         try:
             page = escape(text_of(self.scene, self.values).text, quote=True)
         except PlanError:

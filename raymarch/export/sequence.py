@@ -17,9 +17,10 @@ from raymarch.errors import RaymarchError, SceneError
 from raymarch.export.film import FILMS, check_film, write_film
 from raymarch.export.stills import FORMATS, NUMBERS, Shot, content_of, with_key
 from raymarch.files import written
-from raymarch.gpu.part import Part, prepared_part, split
+from raymarch.gpu.part import Part, prepared_part
 from raymarch.gpu.prepare import Prepared, prepare
 from raymarch.gpu.renderer import Renderer
+from raymarch.gpu.tiles import split
 from raymarch.scene.images import exr_package
 from raymarch.scene.scene import Scene
 
@@ -40,8 +41,6 @@ IN_MEMORY = 1 << 28
 class Item:
     """A picture of a sequence, or a tile of a picture.
 
-    Attributes
-    ----------
     name : for messages, such as "frame 12". time : value of `raymarch.time`. file : where it is written.
     size : (width, height) in pixels. part : where a tile lies in its picture; None for a whole picture.
     """
@@ -69,7 +68,8 @@ def frames_of(
     check_suffix(target, error)
     if suffix in FILMS:
         check_film(target, size, fps)
-        check_folder(target, error)
+        if not target.parent.is_dir():
+            raise error(f"cannot write '{target}': no such folder", legal="a writable folder")
         folder = _parts_folder(target, "frames")
         return [Item(f"frame {i}", i / fps, folder / f"frame_{i:06d}.png", size) for i in numbers]
     if suffix == ".exr":
@@ -82,12 +82,6 @@ def check_suffix(target: Path, error: type[RaymarchError] = SceneError) -> None:
     known = (*FORMATS, *NUMBERS, *FILMS)
     if target.suffix.lower() not in known:
         raise error(f"cannot write '{target}'", legal=f"a file ending in {', '.join(known)}")
-
-
-def check_folder(target: Path, error: type[RaymarchError] = SceneError) -> None:
-    """Raise `error` if the folder of a file does not exist."""
-    if not target.parent.is_dir():
-        raise error(f"cannot write '{target}': no such folder", legal="a writable folder")
 
 
 def tiles_of(

@@ -55,8 +55,6 @@ ARRAYS = tuple(name for name in OUTPUTS if name not in ("slice", "cycles"))
 class Shot:
     """What the pictures of a film have in common: everything but the scene, the time and the part.
 
-    Attributes
-    ----------
     size : (width, height) of the picture in pixels.
     suffix : of the file: one of `FORMATS` or `NUMBERS`.
     params : values of parameters by name.

@@ -52,8 +52,6 @@ LARGEST = 2048
 class Surface:
     """A closed triangle mesh.
 
-    Attributes
-    ----------
     vertices : (N, 3) float64, in scene units. normals : (N, 3), unit, outward. faces : (M, 3) int64, counter-clockwise
         seen from outside. colors : (N, 3), linear RGB from 0 to 1.
     cell : length of the edge of a cell. The mesh is at most half the diagonal of a cell away from the surface, except

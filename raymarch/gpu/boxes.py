@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 
 OUTERMOST = (0.95, 0.08, 0.05)
 """Colour of the scene's box, inside which rays are marched: red."""
+INNER = ((0.1, 0.35, 1.0), (0.1, 0.65, 0.15), (0.85, 0.15, 0.8), (1.0, 0.55, 0.05))
+"""Colours of operands by their depth in the tree: blue, green, magenta, orange, repeated."""
 HIDDEN = 0.3
 """Opacity of an edge that is behind a surface."""
 NEAR = 1e-6
@@ -74,17 +76,12 @@ def draw_boxes(picture: Array, depth: NDArray[np.floating], pose: Pose, boxes: l
     """Draw boxes over a picture, sRGB (H, W, 3). Edges behind the surfaces of `depth`, (H, W), are translucent."""
     made = np.array(picture, np.float64)
     for box in reversed(boxes):  # the outermost last, over those that coincide with it
-        color = np.array(OUTERMOST if box.depth == 0 else _hue(box.depth))
+        color = np.array(OUTERMOST if box.depth == 0 else INNER[(box.depth - 1) % len(INNER)])
         for a, b in edges_of(box, far):
             rows, columns, distance = project(a, b, pose, depth.shape)
             opacity = np.where(distance <= depth[rows, columns] * (1 + 1e-3), 1.0, HIDDEN)[:, None]
             made[rows, columns] = opacity * color + (1 - opacity) * picture[rows, columns]
     return made
-
-
-def _hue(depth: int) -> tuple[float, float, float]:
-    """The colour of operands at a depth of the tree: blue, green, magenta, orange, repeated."""
-    return ((0.1, 0.35, 1.0), (0.1, 0.65, 0.15), (0.85, 0.15, 0.8), (1.0, 0.55, 0.05))[(depth - 1) % 4]
 
 
 def project(a: Array, b: Array, pose: Pose, shape: tuple[int, ...]) -> tuple[NDArray[np.int_], NDArray[np.int_], Array]:

@@ -29,8 +29,6 @@ LARGEST = 16
 class Budget:
     """The time that a frame may take. Whoever draws adds the time of each draw call before it asks for the next.
 
-    Attributes
-    ----------
     limit : milliseconds of the frame. grace : milliseconds for which light goes on beyond them, if all of it is then
         added. spent : milliseconds so far. last : of the last draw call, or None if it includes work of the driver.
     """

@@ -66,8 +66,6 @@ class Clock:
     The self-test runs on first use and takes about 0.2 s. A driver that renders on the CPU is always timed by the wall
     clock, which is exact there; `verdict` still runs the test.
 
-    Parameters
-    ----------
     context : the OpenGL context; bound by every method.
     timer : for tests: replaces OpenGL's timer query, and is used if it agrees.
     """
@@ -164,8 +162,6 @@ def judge(loads: Sequence[int], wall: Sequence[float], timer: Sequence[float]) -
     load, which excludes fixed costs, must be within `TOLERANCE` of the wall clock's growth. If the wall clock grows by
     less than half of the ratio of the loads, the machine is too busy for a verdict, and the timer is rejected.
 
-    Parameters
-    ----------
     loads : relative loads, ascending.
     wall, timer : milliseconds by load, of the same draws.
     """

@@ -23,6 +23,7 @@ from typing import Any, Self
 import moderngl
 
 from raymarch.errors import DeviceError, user_location
+from raymarch.expr.convert import plain, short
 from raymarch.gpu import current
 
 BACKENDS = ("egl", "osmesa", "window")
@@ -323,10 +324,11 @@ def open_context(backend: str = "auto", device: int | None = None) -> Context:
     DeviceError : unknown backend, invalid device number, or no context; the message has the error of each backend and
         the packages to install. Also in a process forked from one that has used OpenGL, which drivers do not support.
     """
-    if backend != "auto" and backend not in BACKENDS:
-        raise DeviceError(f"unknown backend {backend!r}", legal=f"legal: auto, {', '.join(BACKENDS)}")
+    if not isinstance(backend, str) or backend not in ("auto", *BACKENDS):
+        raise DeviceError(f"unknown backend {short(backend)}", legal=f"auto, {', '.join(BACKENDS)}")
     if device is not None and backend not in ("auto", "egl"):
-        raise DeviceError(f"device={device!r} given for the backend {backend}", legal="only egl has devices to choose")
+        what = f"device={short(device)} given for the backend {backend}"
+        raise DeviceError(what, legal="only egl has devices to choose")
     number = _egl_device(device)
     if backend == "auto" and (device is not None or os.environ.get(EGL_DEVICE_VARIABLE, "").strip()):
         backend = "egl"  # only egl has devices
@@ -425,14 +427,13 @@ def _finisher(gl: moderngl.Context) -> Callable[[], None]:
 
 
 def _egl_device(device: int | None) -> int:
+    number, given = plain(device), f"device={short(device)}"
     if device is None:
         text = os.environ.get(EGL_DEVICE_VARIABLE, "").strip() or "0"
-        if not (text.isascii() and text.isdigit()):
-            raise DeviceError(f"{EGL_DEVICE_VARIABLE}={text!r} is no device number", legal="legal: an integer >= 0")
-        return int(text)
-    if isinstance(device, bool) or not isinstance(device, int) or device < 0:
-        raise DeviceError(f"device={device!r} is no device number", legal="legal: an integer >= 0")
-    return device
+        number, given = int(text) if text.isascii() and text.isdigit() else None, f"{EGL_DEVICE_VARIABLE}={text!r}"
+    if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number < 1 << 31:
+        raise DeviceError(f"{given} is no device number", legal="an integer >= 0")
+    return number
 
 
 def _create_egl(device: int) -> moderngl.Context:

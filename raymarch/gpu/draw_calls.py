@@ -55,8 +55,6 @@ class DrawCall:
 class History:
     """The state that a frame reuses from earlier frames.
 
-    Attributes
-    ----------
     name : put before the names of its targets.
     view : the inputs of the cones that were drawn last.
     shown : the same of the last picture, which frames without a picture do not change. text : its shader text.
@@ -110,8 +108,6 @@ class History:
 class Turn:
     """A draw of each pass of a group.
 
-    Attributes
-    ----------
     uniforms : of this turn. size : of the target; None for that of the picture. target : its name; "" for the pass's.
     before : all uniforms of the last picture, if the scene changed since. kept : use what was drawn earlier.
     rows : the first row that is drawn, and the one after the last; None for all. A pass with a history reads the
@@ -129,8 +125,6 @@ class Turn:
 class Drawing:
     """The draw calls of a frame. Updates the history as if they were drawn.
 
-    Parameters
-    ----------
     uniforms : of all passes. size : of the picture, or of the part.
     budget : the time for a march, or light, that is split into several passes. What does not fit is left to the next
         frame. Each call must then be drawn, and its time added, before the next is requested. None: light is one pass,

@@ -25,6 +25,13 @@ def srgb(linear: NDArray[Any]) -> NDArray[np.uint8]:
     return encode(np.clip(np.nan_to_num(linear.astype(np.float64), nan=0.0), 0.0, 1.0))
 
 
+def png(image: Image.Image) -> bytes:
+    """An image as a PNG file."""
+    out = BytesIO()
+    image.save(out, "PNG")
+    return out.getvalue()
+
+
 @dataclass(slots=True)
 class Timing:
     """Time of one pass in milliseconds: `draw` by the renderer's clock, `compile` by the driver (0 if cached).
@@ -228,9 +235,7 @@ class Frame:
             return int(np.sum(np.logical_not(finite))), int(np.count_nonzero(finite & red & green & blue))
 
     def _repr_png_(self) -> bytes:
-        out = BytesIO()
-        self.image().save(out, "PNG")
-        return out.getvalue()
+        return png(self.image())
 
     def image(self, alpha: bool = False) -> Image.Image:
         """The picture as 8-bit sRGB, after tone mapping by `tone`.

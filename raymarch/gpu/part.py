@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from raymarch.errors import DeviceError, SceneError
@@ -76,11 +75,3 @@ def covering(box: Box, whole: tuple[int, int], levels: tuple[Level, ...]) -> lis
         found.append((*first, end[0] - first[0], end[1] - first[1]))
         left, low, right, high = first[0] * cell[0], first[1] * cell[1], end[0] * cell[0], end[1] * cell[1]
     return found[::-1]
-
-
-def split(size: tuple[int, int], edge: int) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
-    """Tiles of a picture by rows from the top: the corner and the size of each. Tiles at the right and at the bottom
-    may be smaller than `edge`."""
-    for y in range(0, size[1], edge):
-        for x in range(0, size[0], edge):
-            yield (x, y), (min(edge, size[0] - x), min(edge, size[1] - y))

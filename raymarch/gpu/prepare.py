@@ -34,8 +34,6 @@ Wanted: TypeAlias = str | Slice
 class Prepared:
     """The plan and shader of a scene.
 
-    Attributes
-    ----------
     plan, shader : of the scene.
     texts : the fragment shader of each pass. vertex : the vertex shader of all passes.
     distance : the field in float64, a function of points relative to the plan's origin; returns a tuple of one array.

@@ -49,8 +49,6 @@ points."""
 class Faults:
     """The result of the probe for faulty values.
 
-    Attributes
-    ----------
     reports : one for each node, then one for the surface.
     node : index into `reports` of the first fault of each pixel, -1 for none, (H, W).
     kind : index into `raymarch.expr.faults.KINDS`, (H, W).
@@ -69,8 +67,6 @@ class Faults:
 class Slopes:
     """The result of the probe for slopes.
 
-    Attributes
-    ----------
     reports : one for each node.
     ratio : the largest slope of a node over its Lipschitz bound (for an estimate, over the assumed bound) at each
         pixel, (H, W).

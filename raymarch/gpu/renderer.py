@@ -16,11 +16,11 @@ from PIL import Image
 from raymarch.errors import DeviceError, RenderError
 from raymarch.expr.arrays import bound
 from raymarch.expr.calls import checked
-from raymarch.expr.convert import plain, real, short, switch
+from raymarch.expr.convert import real, switch
 from raymarch.gpu import vouch
 from raymarch.gpu.budget import Budget
 from raymarch.gpu.clock import Clock
-from raymarch.gpu.context import BACKENDS, Context, open_context
+from raymarch.gpu.context import Context, open_context
 from raymarch.gpu.draw_calls import DrawCall, Drawing, History, count_draws
 from raymarch.gpu.frame import Frame, Timing, not_rendered
 from raymarch.gpu.part import Part, prepared_part
@@ -97,7 +97,7 @@ class Renderer:
     ) -> None:
         self.strict = switch("Renderer: strict", strict)
         if context is None:
-            context, self._owns_context = open_context(*_device(backend, device)), True
+            context, self._owns_context = open_context(backend, device), True
         else:
             self._owns_context = False
         self.context: Context = context
@@ -518,16 +518,6 @@ class Renderer:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def _device(backend: Any, device: Any) -> tuple[str, int | None]:
-    """Check the types of backend and device; `open_context` checks their values."""
-    number = plain(device)
-    if not isinstance(backend, str) or len(backend) > 32:
-        raise DeviceError(f"backend={short(backend)}", legal=f"auto, {', '.join(BACKENDS)}")
-    if number is not None and (isinstance(number, bool) or not isinstance(number, int) or number.bit_length() > 31):
-        raise DeviceError(f"device={short(device)} is no device number", legal="an integer >= 0")
-    return backend, number
 
 
 def _silhouette(

@@ -35,8 +35,6 @@ class Fault:
 class Report:
     """What a probe found at one node.
 
-    Attributes
-    ----------
     name, where : the node's name, and the user's line that made it.
     faults : number of pixels in which this node has the first fault of an evaluation. first : the first of these
         faults.

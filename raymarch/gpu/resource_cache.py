@@ -86,8 +86,6 @@ def _free_lights(uniforms: Mapping[str, Any]) -> None:
 class ResourceCache:
     """Programs by their text, targets by their name, data textures by their content.
 
-    Attributes
-    ----------
     compiled : number of programs that the driver has compiled so far.
     kept : maximum number of cached programs.
     """

@@ -86,8 +86,6 @@ INK, PAPER = (225, 225, 225), (24, 24, 26)
 class Scale:
     """A mapping from values to colours.
 
-    Attributes
-    ----------
     quantity : the name of the quantity, with its unit.
     low, high : the values at the two ends, low < high.
     kind : "linear"; "log", linear in the logarithm (low > 0); or "reciprocal", linear in the reciprocal (low > 0, high

@@ -42,23 +42,10 @@ _CLIPPED = """vec3 toned(vec3 color) {
     return color;
 }"""
 
-_LAYER = """#version 330 core
-uniform sampler2D picture;
-uniform vec2 corner;  // lower left, in pixels
-uniform vec2 size;  // of the layer, in pixels
-out vec4 color;
-void main() {
-    vec2 at = (gl_FragCoord.xy - corner) / size;
-    color = texture(picture, vec2(at.x, 1.0 - at.y));
-}
-"""
-
 
 class Screen:
     """The framebuffer of a window and the programs that fill it. Implements `Surface`.
 
-    Parameters
-    ----------
     context : the window's; bound here and by every method.
     size : (width, height) of the framebuffer in pixels.
     """
@@ -69,7 +56,6 @@ class Screen:
         with context.bound():
             self.framebuffer: moderngl.Framebuffer = context.gl.detect_framebuffer(0)
         self._samplers: dict[str, Program] = {}
-        self._layer = Program(context, FULL_SCREEN, _LAYER, None, "overlay")
 
     def show(
         self,
@@ -128,7 +114,7 @@ class Screen:
         """A texture of an RGBA image of shape (H, W, 4), row 0 at the top; free it with `free`."""
         height, width = pixels.shape[:2]
         with self.context.bound():
-            texture = self.context.gl.texture((width, height), 4, np.ascontiguousarray(pixels, np.uint8).tobytes())
+            texture = self.context.gl.texture((width, height), 4, np.asarray(pixels[::-1], np.uint8).tobytes())
             texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
             texture.repeat_x = texture.repeat_y = False
         return texture
@@ -148,7 +134,8 @@ class Screen:
             return
         corner = (left, self.size[1] - top - height)
         tile = (x, self.size[1] - bottom, right - x, bottom - y)
-        self._layer.draw(self, {"picture": texture, "corner": corner, "size": (width, height)}, tile, blend=True)
+        given = {"picture": texture, "corner": corner, "size": (width, height), "encode": False}
+        self._sampler(None).draw(self, given, tile, blend=True)
 
     def use(self) -> None:
         """Bind the framebuffer, for code that draws by its own calls; inside `context.bound` only."""
@@ -164,5 +151,5 @@ class Screen:
 
     def release(self) -> None:
         """Free the programs. Idempotent."""
-        for owned in (*self._samplers.values(), self._layer):
-            owned.release()
+        for program in self._samplers.values():
+            program.release()

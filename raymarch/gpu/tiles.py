@@ -17,13 +17,17 @@ SHORT, LONG = 15.0, 60.0
 abort draws that take seconds, and other programs wait for the tile before they can draw."""
 
 
+def split(size: tuple[int, int], edge: int) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
+    """Tiles of a picture by rows from the top: the upper left corner, (x, row), and the size of each. Tiles at the
+    right and at the bottom may be smaller than `edge`."""
+    for row in range(0, size[1], edge):
+        for x in range(0, size[0], edge):
+            yield (x, row), (min(edge, size[0] - x), min(edge, size[1] - row))
+
+
 def tiles_of(size: tuple[int, int], edge: int = EDGE) -> Iterator[Tile]:
-    """The tiles (x, y, width, height) of a picture of size (width, height), from the top row down."""
-    width, height = size
-    for top in range(height, 0, -edge):
-        bottom = max(top - edge, 0)
-        for x in range(0, width, edge):
-            yield x, bottom, min(edge, width - x), top - bottom
+    """The same tiles as (x, y, width, height), from the lower left corner of the picture."""
+    return ((x, size[1] - row - high, wide, high) for (x, row), (wide, high) in split(size, edge))
 
 
 def draw_in_tiles(size: tuple[int, int], draw: Callable[[Tile], float], progress: Callable[[float], None]) -> float:

@@ -38,8 +38,6 @@ SMALLEST = 1e-9
 class View:
     """A visualization of arrays.
 
-    Attributes
-    ----------
     outputs : the arrays that it needs; it shows the first.
     scale : the colour scale for the values of that array. None for a view without one.
     color : sRGB from 0 to 1, a function of the variables of `raymarch.gpu.display`. It is evaluated on the device, or

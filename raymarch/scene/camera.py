@@ -245,20 +245,15 @@ class Camera(Part):
         away, upward = (_numbers(f"Camera.framing: {n}", v) for n, v in (("direction", direction), ("up", up)))
         proportion = real("Camera.framing: aspect", aspect, 1e-3, 1e3)
         factor = real("Camera.framing: margin", margin, 1.0, 1e3)
-        tan_half_fov = cls(fov=fov)._tan_half_fov(Values({}))
         if not solid.facts.bounded or solid.facts.empty:
             what = "is empty" if solid.facts.empty else "has no finite box"
             raise SceneError(f"Camera.framing: {solid.name} {what}", legal="a part of the scene that has one")
         lower, upper = framed_box(solid.facts)
         target = (lower + upper) / 2
-        # refuses a degenerate camera
-        made = cls(tuple(target + away), tuple(target), tuple(upward), fov, projection)
-        distance, half = map(float, _framing()(lower, upper, target, away, upward, tan_half_fov, proportion, factor))
-        if made.orthographic:
-            distance = before_box(float(np.linalg.norm(upper - lower)), half)
-        position = target + away * (distance / np.linalg.norm(away))
-        height = 2.0 * half if made.orthographic else None
-        return made.replace(position=tuple(position.tolist()), height=height)
+        made = cls(tuple(target + away), tuple(target), tuple(upward), fov, projection)  # refuses a degenerate camera
+        pose = made.replace(position=None, direction=tuple(away)).pose(Values({}), solid.facts, proportion, factor)
+        height = None if pose.half_height is None else 2.0 * pose.half_height
+        return made.replace(position=tuple(pose.position.tolist()), height=height)
 
     @property
     def orthographic(self) -> bool:
@@ -306,12 +301,12 @@ class Camera(Part):
         """The seconds for which the shutter is open in a frame."""
         return self._number("shutter", values)
 
-    def pose(self, values: Values, subject: Facts | None, aspect: float = 1.0) -> Pose:
+    def pose(self, values: Values, subject: Facts | None, aspect: float = 1.0, margin: float = MARGIN) -> Pose:
         """The camera of one frame.
 
         subject : the box that the camera frames if position or target is not given.
         aspect : width over height of the picture. A camera without a position stands so far away that the corners of
-            the box are in the picture.
+            the box are in the picture. margin : size of the picture over that of the box.
         """
         tan_half_fov = self._tan_half_fov(values)
         lower, upper = framed_box(subject)
@@ -322,7 +317,7 @@ class Camera(Part):
         self._refuse_degenerate(target + away if given is None else given, target, up)
         distance, extent = 0.0, 0.0
         if given is None or self.orthographic:
-            distance, extent = map(float, _framing()(lower, upper, target, away, up, tan_half_fov, aspect, MARGIN))
+            distance, extent = map(float, _framing()(lower, upper, target, away, up, tan_half_fov, aspect, margin))
         half = None
         if self.orthographic:
             half = extent if self.height is None else self._number("height", values) / 2

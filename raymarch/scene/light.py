@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import ClassVar, NamedTuple, TypeAlias
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -40,8 +40,6 @@ from raymarch.expr.vocabulary import (
 from raymarch.scene.parameter import LEAST_LENGTH, as_color, as_direction, as_number, as_vec3, is_zero
 from raymarch.scene.value import Part, value
 from raymarch.sdf.domain import ColorLike, Scalar, Vec3Like
-
-Range: TypeAlias = tuple[float | None, float | None]
 
 POINT = var("p", VEC3)
 """The point of a surface that a light is evaluated for."""
@@ -170,9 +168,6 @@ class Light(Part):
     LABEL: ClassVar[str] = "lights"
     """What `explain` calls lights of this kind."""
 
-    EDITED: ClassVar[Mapping[str, Range]] = {"color": (0.0, None), "intensity": (0.0, None)}
-    """The values that can be edited in the window, with their ranges."""
-
     def __init__(self, color: ColorLike, intensity: Scalar, shadow: bool, softness: Scalar, penumbra: str) -> None:
         name = type(self).__name__
         self._set(
@@ -250,7 +245,6 @@ class Sun(Light):
     direction: Expr
 
     LABEL = "sun light"
-    EDITED: ClassVar[Mapping[str, Range]] = {"direction": (-1.0, 1.0), **Light.EDITED, "softness": (0.0, 1.0)}
 
     def __init__(
         self,
@@ -297,7 +291,6 @@ class PointLight(Light):
     attenuation: Expr | None
 
     LABEL = "point lights"
-    EDITED: ClassVar[Mapping[str, Range]] = {"position": (None, None), **Light.EDITED, "softness": (0.0, 10.0)}
 
     def __init__(
         self,
@@ -376,14 +369,6 @@ class SpotLight(PointLight):
     blend: Expr
 
     LABEL = "spot lights"
-    EDITED: ClassVar[Mapping[str, Range]] = {
-        "position": (None, None),
-        "direction": (-1.0, 1.0),
-        "angle": (0.01, 3.1),
-        "blend": (0.0, 1.0),
-        **Light.EDITED,
-        "softness": (0.0, 10.0),
-    }
 
     def __init__(
         self,
@@ -442,7 +427,6 @@ class SphereLight(PointLight):
     radius: Expr
 
     LABEL = "sphere lights"
-    EDITED: ClassVar[Mapping[str, Range]] = {"position": (None, None), "radius": (0.01, 10.0), **Light.EDITED}
 
     def __init__(
         self,
@@ -496,13 +480,6 @@ class RectLight(Light):
     range: Expr | None
 
     LABEL = "rectangular lights"
-    EDITED: ClassVar[Mapping[str, Range]] = {
-        "position": (None, None),
-        "width": (0.01, 10.0),
-        "height": (0.01, 10.0),
-        "direction": (-1.0, 1.0),
-        **Light.EDITED,
-    }
 
     def __init__(
         self,

@@ -66,8 +66,6 @@ def _slopes(heights: Array, wrap: Wrap) -> Array:
 class Stored(NamedTuple):
     """A picture as stored.
 
-    Attributes
-    ----------
     pixels : (H, W, 1 to 4) float32, row 0 at the top.
     encoded : whether its colours are sRGB-encoded.
     name : name for messages.

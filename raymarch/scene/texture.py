@@ -35,8 +35,6 @@ positive end of the projection axis."""
 class Layout(Value):
     """Projection of a picture into space.
 
-    Parameters
-    ----------
     axis : projection axis; None for all three, weighted by the normal.
     extents : lengths of one picture along u and v.
     shift : offset of its centre, two lengths.

@@ -43,8 +43,6 @@ class Field:
     roots along a ray have a closed form. `rest` contains all other operands and may be None. Without affine operands,
     `rest` is the whole field.
 
-    Attributes
-    ----------
     plane_normals : gradients of the planes, shape (k, 3); k may be 0.
     certified : False for a field whose exactness is "estimate": its values are not safe steps.
     """

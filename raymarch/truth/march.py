@@ -58,8 +58,6 @@ HALF = 0.5
 class Lines:
     """The search interval of each line, and the lengths that scale its tolerances.
 
-    Attributes
-    ----------
     start, end : the interval, each of shape (N,), finite; nothing is found where end <= start.
     size : size of the coordinates at t = 0: rounding errors are measured in size + t.
     travelled : length of the path up to t = 0: gaps are measured in travelled + t.
@@ -83,8 +81,6 @@ class Lines:
 class Roots:
     """The first root on each line.
 
-    Attributes
-    ----------
     t : position of the root, inf if there is none; shape (N,).
     evaluations : number of evaluations, integers of shape (N,).
     gap : length before the root that was not proved free; shape (N,).

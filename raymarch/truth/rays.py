@@ -25,8 +25,6 @@ MIN_COSINE = 1e-4
 class Rays:
     """Rays of unit direction.
 
-    Attributes
-    ----------
     origins, directions : shape (N, 3); all rays may share one origin of shape (1, 3).
     """
 

@@ -44,8 +44,6 @@ Array = NDArray[np.float64]
 class Surface:
     """N hit points. Values are computed on first access.
 
-    Attributes
-    ----------
     scene, values, field : the scene, its parameter values and its field.
     origin, directions : ray origins, (3,) or (N, 3), and unit ray directions, (N, 3).
     depth : distances from the origin, (N,).

@@ -17,8 +17,6 @@ MARCHING = tuple(f.name for f in fields(Quality) if f.name not in NOT_MARCHING)
 class Stop:
     """A setting of the slider from fast to exact.
 
-    Attributes
-    ----------
     name : what it is called.
     values : every field of `Quality` in `MARCHING`.
     error : 99 % of the hits lie within this many pixels of the reference, measured or promised by the preset.

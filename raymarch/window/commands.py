@@ -250,7 +250,7 @@ def _load(model: Model, news: Loaded) -> None:
         state, changes = replace(model.state, file=news.file).with_scene(news.scene, model.state.edits)
     except RaymarchError as fault:
         model.trial = None
-        trouble(model, fault)
+        report(model, Fault.of(fault))
         return
     prepared = news.prepared if state.edits.empty else None
     model.request(Show(state, news, prepared, tuple(changes)))
@@ -275,7 +275,7 @@ def refuse(model: Model, show: Show, fault: RaymarchError) -> None:
         model.notice(f"not possible: {fault.what}")
     else:
         model.trial = None
-        trouble(model, fault)
+        report(model, Fault.of(fault))
 
 
 def report(model: Model, fault: Fault) -> None:
@@ -283,11 +283,6 @@ def report(model: Model, fault: Fault) -> None:
     if fault != model.fault:
         model.fault = fault
         model.say("failed", what=fault.what, legal=fault.legal, file=fault.file, line=fault.line)
-
-
-def trouble(model: Model, fault: RaymarchError) -> None:
-    """Show the error of a scene that loads but cannot be drawn."""
-    report(model, Fault.of(fault))
 
 
 def reload(model: Model) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.cost.errors import apart
-from raymarch.cost.maps import WRONG, error_scale
+from raymarch.cost.maps import ERROR_SCALE, WRONG
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.scale import Scale
 from raymarch.gpu.screen import Screen
@@ -31,8 +31,6 @@ DIM = 150
 class Comparison:
     """Draws the most exact setting and the reference beside the picture, and the errors of its depth.
 
-    Parameters
-    ----------
     picture : the picture that is compared. screen : where it is shown. wake : ends a wait for events.
     """
 
@@ -128,7 +126,7 @@ class Comparison:
 
     def scale(self, model: Model) -> Scale | None:
         """The colour scale of the errors, or of the view."""
-        return error_scale() if model.compare.errors else self._picture.scale
+        return ERROR_SCALE if model.compare.errors else self._picture.scale
 
     def _free_layer(self) -> None:
         if self._layer is not None:
@@ -159,7 +157,7 @@ def errors_of(depth: NDArray[Any], true: NDArray[np.float64], shot: Shot) -> NDA
 
 def error_layer(errors: NDArray[np.float64], end: int) -> NDArray[np.uint8]:
     """Errors as an RGBA image up to column `end`. Small ones dim the picture; where none is known it stays."""
-    scale = error_scale()
+    scale = ERROR_SCALE
     layer = np.zeros((*errors.shape, 4), np.uint8)
     shown = np.nan_to_num(errors, nan=0.0, posinf=scale.high)
     layer[..., :3] = np.rint(255 * scale.colored(shown))

@@ -62,8 +62,6 @@ class Text:
 class Constants:
     """The shaders that a window drew last, by pass.
 
-    Parameters
-    ----------
     known : the result of `as_json` of another instance.
     """
 

@@ -26,8 +26,6 @@ FOV = 45.0
 class View:
     """The camera under the user's control, in float64.
 
-    Attributes
-    ----------
     position, target, up : shape (3,); up is not parallel to the view.
     fov : vertical field of view in degrees.
     reach : the initial distance to the target; the unit of speeds.

@@ -69,7 +69,7 @@ class Editors:
                 changed = changed if chosen == now else changed.with_value(name, chosen)
         for name in light.unset:
             if fields.button(f"+ {name}##{light.number}", f"set {name} {light.number}", small=True):
-                changed = changed.with_value(name, edits.UNSET[name][0])
+                changed = changed.with_value(name, edits.UNSET[name])
         removed = fields.button(f"remove##{light.number}", f"remove {light.number}", small=True)
         return None if removed else changed
 

@@ -10,13 +10,13 @@ import inspect
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from raymarch.expr.node import Expr
 from raymarch.scene import light as lights
-from raymarch.scene.light import PENUMBRAS, Light, Range
+from raymarch.scene.light import PENUMBRAS, Light, Sun
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import Param, Spec, Value
 from raymarch.scene.scene import Scene
@@ -24,17 +24,30 @@ from raymarch.scene.value import parameters_of
 from raymarch.sdf.labels import relabelled
 from raymarch.sdf.node import Node
 
+Range: TypeAlias = tuple[float | None, float | None]
+
 KINDS: dict[str, type[Light]] = {kind.__name__: kind for kind in lights.KINDS}
 """The kinds of lights."""
 
-UNSET: Mapping[str, tuple[Any, Range]] = {
-    "softness": (0.1, (0.0, 10.0)),
-    "range": (10.0, (0.01, None)),
-    "shadow_radius": (10.0, (0.01, None)),
-    "attenuation": ((1.0, 0.0, 1.0), (0.0, None)),
-    "up": ((0.0, 1.0, 0.1), (-1.0, 1.0)),
+UNSET: Mapping[str, Any] = {
+    "softness": 0.1,
+    "range": 10.0,
+    "shadow_radius": 10.0,
+    "attenuation": (1.0, 0.0, 1.0),
+    "up": (0.0, 1.0, 0.1),
 }
-"""Values that a light may lack: what they start with when they are set, and their ranges."""
+"""Values that a light may lack, and what they start with when they are set."""
+
+LIGHT_RANGES: Mapping[str, Range] = {
+    **dict.fromkeys(("color", "intensity", "attenuation"), (0.0, None)),
+    **dict.fromkeys(("direction", "up"), (-1.0, 1.0)),
+    **dict.fromkeys(("range", "shadow_radius"), (0.01, None)),
+    **dict.fromkeys(("width", "height", "radius"), (0.01, 10.0)),
+    "softness": (0.0, 10.0),
+    "angle": (0.01, 3.1),
+    "blend": (0.0, 1.0),
+}
+"""Ranges of the values of lights; the others have none. The softness of a sun ends at 1."""
 
 OPTIONS: Mapping[str, tuple[Any, ...]] = {"shadow": (False, True), "penumbra": PENUMBRAS}
 """Values of lights that are chosen, not moved."""
@@ -101,7 +114,8 @@ class LightEdit:
         made = dict(self.values)
         for name in self.moved:
             if _number(made[name]):
-                made[name] = _param(self.name(name), made[name], _range_of_light(kind, name))
+                ends = (0.0, 1.0) if name == "softness" and kind is Sun else LIGHT_RANGES.get(name, (None, None))
+                made[name] = _param(self.name(name), made[name], ends)
         return kind(**made)
 
     def python(self, params: Mapping[str, Value]) -> str:
@@ -119,8 +133,6 @@ class LightEdit:
 class Edits:
     """The changes that the window makes to the scene of a file. None and empty dicts are no change.
 
-    Attributes
-    ----------
     lights : all lights, to replace those of the scene.
     materials : the values of edited materials, by their index in `scene.materials`.
     quality : fields of `Quality` that replace those of the scene.
@@ -217,7 +229,8 @@ def editable_material(material: Material) -> dict[str, Any]:
     a clear coat, are not among them, because each costs time; see `unset_values`."""
     given = material.arguments()
     more = [name for name in _optional(material) if given.get(name) is not None]
-    return {name: _plain(material_value(material, name)) for name in (*_base(material), *more)}
+    names = {name: "color" if name == "albedo" else name for name in (*_base(material), *more)}
+    return {name: _plain(getattr(material, attribute)) for name, attribute in names.items()}
 
 
 def unset_values(material: Material, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -235,18 +248,9 @@ def _optional(material: Material) -> dict[str, Any]:
     return {**(GLASS if material.physical else {}), **OCCLUSION, **scales}
 
 
-def material_value(material: Material, name: str) -> Any:
-    """A value of a material."""
-    return getattr(material, "color" if name == "albedo" else name)
-
-
 def material_name(index: int, value: str) -> str:
     """The name of the parameter for a value of an edited material."""
     return f"material {index} {value}"
-
-
-def _range_of_light(kind: type[Light], name: str) -> Range:
-    return kind.EDITED[name] if name in kind.EDITED else UNSET[name][1]
 
 
 def _is_unset(value: Any) -> bool:

@@ -17,8 +17,6 @@ FIELD = 0.55
 class Fields:
     """Draws fields; records where each is.
 
-    Attributes
-    ----------
     items : the centres of the fields by name, in screen coordinates.
     """
 

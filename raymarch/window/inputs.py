@@ -115,8 +115,6 @@ class Press:
 class Mouse:
     """Converts events to commands.
 
-    Parameters
-    ----------
     model : what the commands change.
     pixel : converts a cursor position from screen coordinates to pixels.
     extent : the size of the window in screen coordinates.

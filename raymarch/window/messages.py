@@ -18,8 +18,6 @@ PATIENT = 0.6
 class Message:
     """A block of text.
 
-    Attributes
-    ----------
     text : the lines; a tab separates two columns.
     kind : "error", "note" or "busy".
     corner : "top left", "top right", "bottom left" or "middle" of the picture; at its top, "left" or "right" of the

@@ -164,8 +164,6 @@ class Drawn:
 class Model:
     """The state of the window.
 
-    Attributes
-    ----------
     state : what is shown.
     budget, samples : milliseconds of a frame while something moves; rays per pixel of a still picture.
     stops : the settings between fast and exact.

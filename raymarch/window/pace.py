@@ -40,8 +40,6 @@ class Pace:
     The cost of a picture is modelled as proportional to its pixels, plus a fixed cost. Resolutions are quantized, so
     that textures are not recreated for each frame.
 
-    Attributes
-    ----------
     budget : milliseconds that a frame may take.
     fixed : milliseconds of a frame without drawing the scene.
     """

@@ -18,8 +18,6 @@ from raymarch.window.timeline import Timeline
 class Panel:
     """Draws the panel from the model; its changes are commands.
 
-    Parameters
-    ----------
     imgui : the module, with a current context.
     """
 

@@ -35,8 +35,6 @@ Vector = NDArray[np.float64]
 class Pick:
     """One pixel.
 
-    Attributes
-    ----------
     pixel : column and row from the upper left.
     distance : along the ray, from the GPU; inf for a miss.
     position, normal : of the hit.

@@ -43,8 +43,6 @@ class _Part:
 class Picture:
     """Draws shots onto a canvas within a budget of time.
 
-    Parameters
-    ----------
     renderer : on the window's context; this class resizes it.
     screen : copies between targets.
     pace : chooses resolutions.
@@ -186,17 +184,15 @@ class Picture:
         share = 1.0 if whole else (self._done + sample) / wanted
         self.drawn = Drawn(spent, size, whole, moving, compiled, self._done, wanted, share, self._lights)
 
-    def _tiles(self, size: tuple[int, int]) -> list[Tile]:
-        """Tiles that take about half of the budget each, from the centre outwards."""
-        edge = int(np.clip(np.sqrt(self.pace.pixels(self.pace.budget / 2)), 16, 512))
-        return from_centre(size, edge)
-
     def _parts(self, draw_calls: list[DrawCall]) -> list[_Part]:
-        """The tiles of passes. Those that add lights are drawn together, so that finished tiles are shown at once."""
-        groups = [
-            list(group) for _, group in groupby(draw_calls, key=lambda call: bool(call.chosen.lights) or id(call))
-        ]
-        return [_Part(calls, self._tiles(calls[0].target.size)) for calls in groups]
+        """The tiles of passes, each of which takes about half of the budget, from the centre outwards.
+
+        Passes that add lights are drawn together, so that finished tiles are shown at once.
+        """
+        edge = int(np.clip(np.sqrt(self.pace.pixels(self.pace.budget / 2)), 16, 512))
+        groups = groupby(draw_calls, key=lambda call: bool(call.chosen.lights) or id(call))
+        parts = [list(group) for _, group in groups]
+        return [_Part(calls, from_centre(calls[0].target.size, edge)) for calls in parts]
 
     def _fit(self, size: tuple[int, int]) -> None:
         if self._renderer.size != size:

@@ -37,8 +37,6 @@ class Reference:
 
     The camera's lens and shutter are ignored: rays start at the centre of the lens at the shot's time.
 
-    Attributes
-    ----------
     shot, size : what it is the reference of; None before the first `ask`.
     depth, color : (H, W) and (H, W, 3), NaN where it is not computed.
     """

@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from typing import Any
 
 from raymarch.errors import RaymarchError
@@ -33,8 +33,6 @@ HERE_FACTOR = 20.0
 class Reloader:
     """Watches a scene file and all files that it reads, in its own threads, and reports changes to the window.
 
-    Parameters
-    ----------
     file : the scene file.
     wake : called after each event, from another thread.
     params : returns the window's current values of parameters.
@@ -97,11 +95,7 @@ class Reloader:
 
     def latest(self) -> list[News]:
         """The events since the last call."""
-        found: list[News] = []
-        with contextlib.suppress(Empty):
-            while True:
-                found.append(self.news.get_nowait())
-        return found
+        return [self.news.get() for _ in range(self.news.qsize())]
 
     def _tell(self, news: News) -> None:
         self.news.put(news)

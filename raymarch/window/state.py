@@ -27,8 +27,6 @@ from raymarch.window.timeline import Timeline
 class State:
     """The scene and everything that the user can change without editing its file.
 
-    Attributes
-    ----------
     file, base : the scene file and its scene. edits : changes of it. scene : the result, which is visible.
     progressive : the scene as the window draws it; see `shot.progressive`.
     specs : its parameters, in the order of the file; those of edited lights and materials follow.

@@ -13,8 +13,6 @@ from raymarch.window.events import Button, Char, Drop, Event, Key, Move, Scroll
 class Window:
     """A visible window with an OpenGL context.
 
-    Parameters
-    ----------
     size : (width, height) in screen coordinates.
     title : title of the window.
 

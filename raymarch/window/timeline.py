@@ -9,8 +9,6 @@ from dataclasses import dataclass, replace
 class Timeline:
     """The value of `raymarch.time`, in seconds.
 
-    Attributes
-    ----------
     time : the current time.
     playing : whether time advances.
     speed : scene seconds per clock second; negative runs backwards.

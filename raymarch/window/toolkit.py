@@ -61,8 +61,6 @@ def find() -> Any:
 class Toolkit:
     """One ImGui context for one window.
 
-    Parameters
-    ----------
     found : the result of `find`.
     window, screen : source of events and clipboard, and where it draws.
     """

@@ -36,8 +36,6 @@ UNANSWERED = 5.0
 class Trials:
     """Runs one trial at a time. To be used from one thread.
 
-    Parameters
-    ----------
     forks : whether one process serves all trials, each in a fork of it; otherwise each trial has a process of its own,
         of which one more than is needed is kept ready.
     """

@@ -87,8 +87,6 @@ class CtrlC:
 class Viewer:
     """A window that shows a scene file and reloads it on changes.
 
-    Parameters
-    ----------
     file : the scene file; it must be valid when the window opens.
     size : of the window, in screen coordinates.
     params : values of parameters by name.
@@ -170,11 +168,6 @@ class Viewer:
         self.picture.step(model.state.shot(), model.area, False)
         model.say("open", size=self.window.size, density=self.window.density, renderer=model.driver)
 
-    @property
-    def fault(self) -> Fault | None:
-        """The error of the scene file, if it has one."""
-        return self.model.fault
-
     # The loop
 
     def run(self, seconds: float | None = None) -> int:
@@ -252,7 +245,7 @@ class Viewer:
             drew = self.picture.step(shot, model.area, still)
             also = self._comparison.step(model, shot, still)
         except RaymarchError as fault:
-            do.trouble(model, fault)
+            do.report(model, Fault.of(fault))
             also = False
         if drew and self.picture.drawn.moving:
             model.changed_at = now
@@ -335,7 +328,7 @@ class Viewer:
                 try:
                     do.take_pick(model, self._pick(x, y), focus)
                 except RaymarchError as fault:
-                    do.trouble(model, fault)
+                    do.report(model, Fault.of(fault))
             case SavePicture(file, time):
                 self._save(file, time)
             case Copy(text):

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 import raymarch as rm
-from raymarch.cost.reference import CACHE_VARIABLE, Reference, reference
+from raymarch.cache import VARIABLE
+from raymarch.cost.reference import Reference, reference
 from tests.cost.cost_samples import SIZE, make_scene
 
 
@@ -23,7 +24,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(autouse=True)
 def _own_cache(kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(CACHE_VARIABLE, str(kept))
+    monkeypatch.setenv(VARIABLE, str(kept))
 
 
 @pytest.fixture(scope="session")

@@ -16,7 +16,7 @@ from raymarch.cost.errors import measure
 from raymarch.cost.html import as_html, dearest
 from raymarch.cost.location import BANDS, location
 from raymarch.cost.reference import reference
-from raymarch.cost.settings import Setting, setting, with_quality
+from raymarch.cost.settings import Setting, setting
 from raymarch.cost.sweep import Sweep, sweep
 from tests.cost.cost_samples import SIZE, FakeRenderer
 
@@ -42,7 +42,7 @@ def broken(text: str, made: Sweep, scene: rm.Scene) -> list[str]:
     with rm.Renderer(SIZE) as renderer:
         for k, (title, milliseconds, code, error) in enumerate(cards):
             quality = eval(unescape(code))
-            errors = measure(made.known, renderer.render(with_quality(scene, quality), outputs=("depth",)).depth)
+            errors = measure(made.known, renderer.render(scene.replace(quality=quality), outputs=("depth",)).depth)
             limit = min(bounds[k]) if k < len(bounds) else float("inf")
             if not errors.sound or errors.pixels_p99 > limit or figures(errors.pixels_p99) != error:
                 found.append(f"{title}: {errors.pixels_p99} px, not {error}")

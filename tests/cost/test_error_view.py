@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import raymarch as rm
-from raymarch.cost.maps import WRONG, error_picture, error_scale, errors_of
+from raymarch.cost.maps import ERROR_SCALE, WRONG, error_picture, errors_of
 from raymarch.gpu.frame import Frame
 from raymarch.scene.parameter import set_values
 from tests.cost.cost_samples import make_scene
@@ -44,7 +44,7 @@ def test_the_truth_is_that_of_the_same_parameters() -> None:
 
 def test_colours() -> None:
     shown = np.asarray(error_picture(np.array([[0.0, 1e-4, 0.03, 10.0, 99.0, np.inf]])))
-    ends = np.rint(255 * error_scale().colored([1e-4, 0.03, 10.0]))
+    ends = np.rint(255 * ERROR_SCALE.colored([1e-4, 0.03, 10.0]))
     assert shown[0].tolist() == [*[ends[k].tolist() for k in (0, 0, 1, 2, 2)], list(WRONG)]
 
 

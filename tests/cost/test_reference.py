@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 import raymarch as rm
+from raymarch.cache import VARIABLE
 from raymarch.cost import reference as reference_module
 from raymarch.cost.checks import check
 from raymarch.cost.content import content_key
 from raymarch.cost.flip import flip
-from raymarch.cost.reference import CACHE_VARIABLE, reference
+from raymarch.cost.reference import reference
 from raymarch.cost.settings import Setting
 from raymarch.cost.sweep import sweep
 from tests.cost.cost_samples import SIZE, make_scene
@@ -43,7 +44,7 @@ def test_the_picture_is_the_mean_of_finer_rays(known, fine):
 def test_the_half_is_every_other_ray(scene, known, fine, monkeypatch):
     assert known.half[7, 9] == pytest.approx((fine[14, 18] + fine[15, 19]) / 2)
     monkeypatch.setattr(reference_module, "AT_ONCE", 4 * SIZE[0] * 5)
-    monkeypatch.setenv(CACHE_VARIABLE, "")
+    monkeypatch.setenv(VARIABLE, "")
     bands = reference(scene, SIZE, samples=4)
     for name in ("picture", "half", "spread"):
         assert np.array_equal(getattr(bands, name), getattr(known, name)), name
@@ -132,7 +133,7 @@ def test_shared_parts_do_not_make_it_slow():
 
 @pytest.mark.parametrize("spoil", ["empty", "text", "cut"])
 def test_a_spoiled_file_is_made_anew(scene, tmp_path, monkeypatch, spoil):
-    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
     first = reference(scene, (16, 9))
     (file,) = (tmp_path / "truth").glob("*.npz")
     content = file.read_bytes()
@@ -144,7 +145,7 @@ def test_a_spoiled_file_is_made_anew(scene, tmp_path, monkeypatch, spoil):
 
 @pytest.mark.parametrize("folder", ["", "/dev/null/nowhere"])
 def test_without_a_cache_it_works_too(scene, monkeypatch, folder):
-    monkeypatch.setenv(CACHE_VARIABLE, folder)
+    monkeypatch.setenv(VARIABLE, folder)
     assert reference(scene, (16, 9)).hit.any()
 
 

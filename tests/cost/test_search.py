@@ -13,7 +13,7 @@ from raymarch.cost import search as searching
 from raymarch.cost.errors import check_followed, measure
 from raymarch.cost.reference import reference
 from raymarch.cost.search import LADDER, REPEATS, for_error, for_time, parse_error, parse_time
-from raymarch.cost.settings import grid, with_quality
+from raymarch.cost.settings import grid
 from raymarch.errors import CostError, SceneError
 from raymarch.plan.presets import meanings
 from raymarch.scene.quality import PRESETS, PROMISED
@@ -62,7 +62,7 @@ def test_presets_keep_their_promise_where_every_pixel_has_an_edge():
     assert known.edge_width < 1.0
     with rm.Renderer(size) as renderer:
         for name, promised in PROMISED.items():
-            frame = renderer.render(with_quality(scene, rm.Quality.preset(name)), outputs=("depth",))
+            frame = renderer.render(scene.replace(quality=rm.Quality.preset(name)), outputs=("depth",))
             reached = measure(known, frame.depth)
             assert reached.apart, name
             assert reached.sound, name
@@ -171,7 +171,7 @@ def test_a_picture_must_keep_the_error_with_what_the_truth_may_be_off_by(scene, 
 @pytest.mark.parametrize(("search", "target"), [(for_error, "0.3px"), (for_time, "12ms")])
 def test_the_rays_a_pixel_of_the_scene_are_measured_and_kept(scene, known, search, target):
     renderer = FakeRenderer(known)
-    found = search(with_quality(scene, rm.Quality(samples=3)), target, SIZE, renderer=renderer)
+    found = search(scene.replace(quality=rm.Quality(samples=3)), target, SIZE, renderer=renderer)
     assert found.quality.samples == 3
     assert {q.samples for q in renderer.calls} == {3}
     assert "samples" not in found.name
@@ -181,10 +181,10 @@ def test_the_rays_a_pixel_of_the_scene_are_measured_and_kept(scene, known, searc
 def test_a_picture_takes_no_fewer_rays_than_the_scene(scene, known, monkeypatch):
     monkeypatch.setattr(searching, "TRUTH_SAMPLES", (4,))  # how many the reference takes is tested above
     renderer = FakeRenderer(known)
-    found = for_error(with_quality(scene, rm.Quality(samples=5)), "flip:0.5", SIZE, renderer=renderer)
+    found = for_error(scene.replace(quality=rm.Quality(samples=5)), "flip:0.5", SIZE, renderer=renderer)
     assert found.quality.samples == 5
     with pytest.raises(CostError):
-        for_error(with_quality(scene, rm.Quality(steps_per_pass=64)), "flip:1e-9", SIZE, renderer=renderer)
+        for_error(scene.replace(quality=rm.Quality(steps_per_pass=64)), "flip:1e-9", SIZE, renderer=renderer)
 
 
 @pytest.mark.usefixtures("few_tracers")
@@ -203,7 +203,7 @@ class Blind(FakeRenderer):
 
     def render(self, scene, time=0.0, params=None, outputs=("color",)):
         lost = scene.quality.near(certified=True) > 0.1
-        seen = with_quality(scene, replace(scene.quality, max_steps=16)) if lost else scene
+        seen = scene.replace(quality=replace(scene.quality, max_steps=16)) if lost else scene
         return super().render(seen, time, params, outputs)
 
 
@@ -262,7 +262,7 @@ def test_the_error_is_kept(name, target, monkeypatch):
     found = for_error(scene, target, size)
     known = reference(scene, size, samples=0)
     with rm.Renderer(size) as renderer:
-        depth = renderer.render(with_quality(scene, found.quality), outputs=("depth",)).depth
+        depth = renderer.render(scene.replace(quality=found.quality), outputs=("depth",)).depth
     reached = measure(known, depth)
     assert reached.sound
     assert reached.pixels_p99 <= parse_error(target)[1]

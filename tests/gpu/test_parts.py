@@ -7,7 +7,8 @@ import pytest
 
 import raymarch as rm
 from raymarch.gpu.context import Context
-from raymarch.gpu.part import Part, covering, split
+from raymarch.gpu.part import Part, covering
+from raymarch.gpu.tiles import split
 from raymarch.plan.marching import SCHEDULES
 
 SIZE = (70, 53)

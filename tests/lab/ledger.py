@@ -18,7 +18,6 @@ from typing import Any
 import raymarch as rm
 from raymarch.cost.baseline import row_of
 from raymarch.cost.reference import reference
-from raymarch.cost.settings import with_quality
 from raymarch.scene import load
 from raymarch.scene.quality import PRESETS
 
@@ -30,7 +29,7 @@ SIZE = (160, 90)
 
 def row(file: Path, preset: str, renderer: rm.Renderer) -> dict[str, Any]:
     """The figures of one example at one preset."""
-    scene = with_quality(load(file), rm.Quality.preset(preset))
+    scene = load(file).replace(quality=rm.Quality.preset(preset))
     return row_of(scene, reference(scene, SIZE, samples=0), renderer)
 
 

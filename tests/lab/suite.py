@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from raymarch.cost.checks import check
 from raymarch.cost.reference import reference
-from raymarch.cost.settings import Setting, settled, with_quality
+from raymarch.cost.settings import Setting, settled
 from raymarch.cost.statistics import Median, median
 from raymarch.cost.sweep import Point, Sweep, sweep
 from raymarch.errors import CostError
@@ -173,7 +173,7 @@ def _oversteps(scene: Scene, tracer: str, renderer: Renderer) -> NDArray[np.floa
     """Fraction of the steps in OVERSTEPS that were undone, (H, W); 0 where the march had ended."""
     counts = []
     for steps in OVERSTEPS:
-        made = with_quality(scene, replace(BARE, tracer=tracer, max_steps=steps))
+        made = scene.replace(quality=replace(BARE, tracer=tracer, max_steps=steps))
         counts.append(renderer.render(made, outputs=("fallbacks",)).fallbacks.astype(np.float64))
     undone = counts[1] - counts[0]
     # Each undone step is repeated: P1 counts both as one iteration.

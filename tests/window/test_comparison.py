@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import raymarch as rm
-from raymarch.cost.maps import WRONG, error_scale, errors_of
+from raymarch.cost.maps import ERROR_SCALE, WRONG, errors_of
 from raymarch.window import comparison
 from raymarch.window.reference import Reference, from_centre, traced
 from tests.window.test_commands import model_of
@@ -83,7 +83,7 @@ def test_errors_are_those_of_the_error_view() -> None:
 
 @pytest.mark.parametrize("end", [4, 2])
 def test_a_layer_shows_errors_where_they_are_known(end: int) -> None:
-    scale = error_scale()
+    scale = ERROR_SCALE
     errors = np.array([[np.nan, 0.0, np.inf, scale.high]])
     layer = comparison.error_layer(errors, end)
     high = np.rint(255 * scale.colored(scale.high)).astype(np.uint8)

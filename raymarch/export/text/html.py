@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from raymarch.export.inputs import Text, alone, is_own, light_rows, sky_light
 from raymarch.expr.function import Function
@@ -117,32 +116,33 @@ def _source(scene: Scene) -> str:
 
 def _textures(made: Plan, shader: Shader, values: Values) -> Iterator[dict[str, Any]]:
     for name, data in shader.samples.items():
-        yield _image(name, data) if isinstance(data, Texels) else _numbers(name, data)
+        if isinstance(data, Texels):  # WebGL computes the sizes of the levels
+            content = b"".join(level.tobytes() for level in data.levels)
+            yield _texture(name, content, data.size, data.channels, len(data.levels), data.wrap == "repeat", "half")
+        else:
+            yield _numbers(name, data)
     if made.lights_as_data:
-        yield _packed("u_lights", light_rows(made, values))
+        rows = light_rows(made, values)
+        yield _texture("u_lights", rows.tobytes(), rows.shape[1::-1], rows.shape[2])
 
 
 def _numbers(name: str, data: Samples | Table) -> dict[str, Any]:
     content = data.texels() if isinstance(data, Table) else data.values.tobytes()
-    return {**_described(name, content, data.size, data.channels), "type": "float"}
+    return _texture(name, content, data.size, data.channels)
 
 
-def _image(name: str, data: Texels) -> dict[str, Any]:
-    """All mip levels; WebGL computes their sizes."""
-    content = b"".join(level.tobytes() for level in data.levels)
-    found = _described(name, content, data.size, data.channels)
-    return {**found, "type": "half", "levels": len(data.levels), "repeat": data.wrap == "repeat"}
-
-
-def _packed(name: str, values: NDArray[np.float32]) -> dict[str, Any]:
-    """A float32 array (rows, columns, channels) as a texture."""
-    height, width, channels = values.shape
-    return {**_described(name, values.tobytes(), (width, height), channels), "type": "float"}
-
-
-def _described(name: str, content: bytes, size: tuple[int, ...], channels: int) -> dict[str, Any]:
+def _texture(
+    name: str,
+    content: bytes,
+    size: tuple[int, ...],
+    channels: int,
+    levels: int = 1,
+    repeat: bool = False,
+    type: str = "float",
+) -> dict[str, Any]:
     packed = base64.b64encode(zlib.compress(content, 9)).decode("ascii")
-    return {"name": name, "bytes": packed, "size": list(size), "channels": channels, "levels": 1, "repeat": False}
+    found = {"name": name, "bytes": packed, "size": list(size), "channels": channels}
+    return {**found, "levels": levels, "repeat": repeat, "type": type}
 
 
 def _views() -> tuple[str, Mapping[str, Any]]:
