@@ -206,7 +206,6 @@ class _Bench:
         return made, costs
 
     def rows(self) -> dict[str, baseline.Row]:
-        """The figures of a baseline."""
         with self.opened() as (tell, renderer):
             known = self.reference(self.scene, 0, tell)
             return baseline.measured(self.scene, known, renderer, self.time, self.params)
@@ -265,7 +264,6 @@ def _wide() -> Output:
 
 
 def show(made: Sweep, metric: str, everything: bool) -> None:
-    """Print the table and the findings."""
     out = _wide()
     shown = made.points if everything else points_shown(made, metric)
     out.print(table(made, metric, shown))

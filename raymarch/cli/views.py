@@ -64,15 +64,16 @@ def _probed(
     params: Mapping[str, Any],
     progress: Callable[[float], None] | None,
 ) -> Shown:
-    from raymarch.gpu import probe, probe_pictures, reports  # only these views use them
+    from raymarch.gpu import probe, reports  # only these views use them
+    from raymarch.gpu import probe_pictures as pictures
 
     if view == "nonfinite":
         faults = probe.find_faults(renderer, scene, time, params, progress)
-        picture, numbers = partial(probe_pictures.fault_picture, faults), partial(probe_pictures.fault_numbers, faults)
-        return Shown(picture, numbers, reports.summary(faults.reports))
+        lines = reports.summary(faults.reports)
+        return Shown(partial(pictures.fault_picture, faults), partial(pictures.fault_numbers, faults), lines)
     slopes = probe.find_slopes(renderer, scene, time, params, progress)
-    picture, numbers = partial(probe_pictures.slope_picture, slopes), partial(probe_pictures.slope_numbers, slopes)
-    return Shown(picture, numbers, reports.summary(slopes.reports))
+    lines = reports.summary(slopes.reports)
+    return Shown(partial(pictures.slope_picture, slopes), partial(pictures.slope_numbers, slopes), lines)
 
 
 def _compared(frame: Frame, scene: Scene, params: Mapping[str, Any]) -> Shown:

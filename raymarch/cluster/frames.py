@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from raymarch.cluster.connect import package
-from raymarch.cluster.machines import accepted
 from raymarch.cluster.source import Source, of_file, of_scene
 from raymarch.cluster.submit import RETRIES, Cluster, Failed
 from raymarch.cluster.worker import Done, Job, Refused, draw_batch, draw_item, merge
@@ -27,7 +26,7 @@ from raymarch.export.film import FILMS
 from raymarch.export.sequence import Contents, Item, frames_of, join_film
 from raymarch.export.stills import Shot, is_whole, key_of
 from raymarch.expr.calls import checked
-from raymarch.expr.convert import described, integer, optional, real, short, switch
+from raymarch.expr.convert import instance, integer, optional, real, short, switch
 from raymarch.files import write, written
 from raymarch.gpu.part import Part
 from raymarch.gpu.renderer import Renderer
@@ -84,10 +83,7 @@ def draw_items(
     drawn if the scene, the options or the workers do not allow it.
     """
     check(scene, shot, options)
-    machines, notes = accepted(cluster.machines(options.backend, options.device), options.mixed)
-    for note in notes:
-        tell(note)
-    cluster.used = machines
+    machines = cluster.accept(options.backend, options.device, options.mixed, tell)
     job = Job(scene.quality, shot, options.backend, options.device, tuple(machines), options.timeout)
     sent = cluster.send(source)
     contents, run = Contents(scene, shot), uuid.uuid4().hex[:8]
@@ -237,9 +233,9 @@ def render_frames(
     if len(edges) != 2:
         raise SceneError(f"render_frames: size = {short(size)}", legal="(width, height) in pixels")
     width, height = edges
-    _check("scene", scene, Scene | str | os.PathLike, "a Scene, or the path of a scene file")
-    _check("out", out, str | os.PathLike, "a path")
-    _check("params", params, Mapping | None, "a dict of values by name, or None")
+    instance("render_frames: scene", scene, Scene | str | os.PathLike, "a Scene, or the path of a scene file")
+    instance("render_frames: out", out, str | os.PathLike, "a path")
+    instance("render_frames: params", params, Mapping | None, "a dict of values by name, or None")
     target = Path(out)
     items = frames_of(target, numbers, fps, (width, height))
     suffix = target.suffix.lower()
@@ -252,7 +248,12 @@ def render_frames(
         made = scene if isinstance(scene, Scene) else of_file(scene)[1]
         failed = _draw_here(made, shot, items, backend, device)
     else:
-        _check("client", client, package("render_frames with a client").Client, "a distributed.Client, or None")
+        instance(
+            "render_frames: client",
+            client,
+            package("render_frames with a client").Client,
+            "a distributed.Client, or None",
+        )
         source, made = (of_scene(scene), scene) if isinstance(scene, Scene) else of_file(scene)
         split = integer("render_frames: split_samples", split_samples, 1, 4096)
         timeout = real("render_frames: task_timeout", task_timeout, 1.0, 1e9, "seconds >= 1")
@@ -275,11 +276,6 @@ def _several(name: str, values: Any) -> list[Any]:
         return list(values)
     except Exception:
         raise SceneError(f"render_frames: {name} = {short(values)}", legal="several integers") from None
-
-
-def _check(name: str, value: Any, kind: Any, legal: str) -> None:
-    if not isinstance(value, kind):
-        raise SceneError(f"render_frames: {name} = {described(value)}", legal=legal)
 
 
 def failures(failed: Sequence[tuple[Item, Refused | Failed]]) -> list[str]:

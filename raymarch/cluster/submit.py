@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pkgutil import resolve_name
 from typing import Any, Generic, TypeVar
 
-from raymarch.cluster.machines import Machine
+from raymarch.cluster.machines import Machine, accepted
 from raymarch.cluster.source import Source
 from raymarch.cluster.worker import describe
 from raymarch.errors import ClusterError
@@ -97,6 +97,13 @@ class Cluster(Generic[U]):
             self.log.workers = len(threads)
             self._threads, self._counted = max(1, sum(threads.values())), now
         return self._threads
+
+    def accept(self, backend: str, device: int | None, mixed: bool, tell: Callable[[str], None]) -> list[Machine]:
+        """The kinds of workers that draw, see `accepted`. tell : called with notes."""
+        self.used, notes = accepted(self.machines(backend, device), mixed)
+        for note in notes:
+            tell(note)
+        return self.used
 
     def machines(self, backend: str, device: int | None) -> dict[str, Machine | str]:
         """The machine of each worker by its address, or the reason why it cannot draw.

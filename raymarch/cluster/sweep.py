@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
-from raymarch.cluster.machines import Machine, accepted
+from raymarch.cluster.machines import Machine
 from raymarch.cluster.source import Source
 from raymarch.cluster.submit import RETRIES, Cluster, Failed
 from raymarch.cluster.worker import STATE, Job, Refused, drawing
@@ -71,9 +71,7 @@ def sweep_on(
 
     Raises ClusterError if the workers cannot be used, and CostError for a setting that cannot be drawn.
     """
-    machines, notes = accepted(cluster.machines(backend, device), mixed)
-    for note in notes:
-        tell(note)
+    machines = cluster.accept(backend, device, mixed, tell)
     job = Job(scene.quality, Shot(moment.size), backend, device, tuple(machines), timeout)
     run, sent, client = uuid.uuid4().hex[:8], cluster.send(source), cluster.client
     report = progress or (lambda _what, _share: None)

@@ -22,7 +22,7 @@ from raymarch.cluster.machines import Machine, libraries, package
 from raymarch.cluster.source import Source
 from raymarch.errors import DeviceError, RaymarchError, RenderWarning, SceneError
 from raymarch.export.sequence import Contents, Item
-from raymarch.export.stills import FORMATS, Shot, draw, key_of, view_encoder, with_key
+from raymarch.export.stills import Shot, draw, key_of, save, view_encoder
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
@@ -98,7 +98,6 @@ class _State:
         self.scenes: OrderedDict[tuple[str, str], Scene] = OrderedDict()
 
     def renderer_for(self, backend: str, device: int | None, size: tuple[int, int]) -> Renderer:
-        """The renderer, at a size."""
         if self.renderer is None or self.opened != (backend, device):
             self.close()
             self.renderer, self.opened = Renderer(size, backend, device), (backend, device)
@@ -107,7 +106,6 @@ class _State:
         return self.renderer
 
     def scene(self, source: Source, quality: Quality) -> Scene:
-        """The scene of a source with a quality."""
         key = source.digest, repr(quality)
         if key not in self.scenes:
             self.scenes[key] = source.scene().replace(quality=quality)
@@ -127,7 +125,6 @@ STATE = _State()
 
 
 def address() -> str:
-    """The address of this worker."""
     from distributed import get_worker
 
     return str(get_worker().address)
@@ -234,7 +231,7 @@ def merge(source: Source, job: Job, content: str | None, *shares: Share | Refuse
     key = key_of(content, job.machines[0].driver)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "picture"
-        image.save(file, FORMATS[job.shot.suffix], **(with_key(key) if job.shot.suffix == ".png" else {}))
+        save(image, file, job.shot.suffix, key)
         made = file.read_bytes()
     drawn = [share for share in shares if isinstance(share, Share)]
     spent = clock_time.perf_counter() - start + sum(share.seconds for share in drawn)

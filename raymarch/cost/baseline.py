@@ -134,7 +134,6 @@ def _record(values: Any) -> Record:
 
 
 def as_text(records: Mapping[str, Record]) -> str:
-    """The text of a baseline."""
     scenes = {name: asdict(record) for name, record in sorted(records.items())}
     return json.dumps({"format": FORMAT, "scenes": scenes}, indent=1, allow_nan=False) + "\n"
 

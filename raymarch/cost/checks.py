@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.cost.sweep import Point, Sweep
-from raymarch.gpu.clock import Trial, try_timer
+from raymarch.gpu.clock import try_timer
 from raymarch.plan.marching import trusted
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import set_values
 from raymarch.scene.quality import LAST_STEP
 from raymarch.scene.scene import Scene
 from raymarch.truth.field import Field
+from raymarch.truth.rays import Rays
 
 ULPS = 8 * float(np.finfo(np.float32).eps)
 """Rounding error of the field at a hit in float32, over the largest coordinate or distance: a few units in the last
@@ -54,11 +55,10 @@ def check(
     return [*found, Check("hits", True, words)]
 
 
-def check_clock(renderer: Any, trial: Callable[..., Trial] = try_timer) -> Check:
+def check_clock(renderer: Any) -> Check:
     """Compare the renderer's clock with the wall clock on draws of known load."""
-    found = trial(renderer.context, renderer.clock.time)
-    words = found.words.replace("the GPU timer", f"the {renderer.clock.kind}")
-    return Check("clock", found.agrees, words)
+    found = try_timer(renderer.context, renderer.clock.time)
+    return Check("clock", found.agrees, found.words.replace("the GPU timer", f"the {renderer.clock.kind}"))
 
 
 def check_times(made: Sweep) -> Check:
@@ -93,11 +93,11 @@ def check_hits(point: Point, scene: Scene, made: Sweep, field: Field, pose: Pose
         return Check(f"hits of {point.name}", True, "no ray came to its end")
     directions = known.direction[ended]
     origins = np.broadcast_to(known.origin, known.direction.shape)[ended]
-    rays = _Rays(field, origins, directions, pose.near / (directions @ pose.view))
+    rays = _Rays(field, Rays(origins, directions), pose.near / (directions @ pose.view))
     size_of_origins = np.abs(known.origin).max()
 
     def allowed(t: NDArray[Any], rows: Any) -> NDArray[Any]:
-        size = np.maximum(np.abs(rays.points(t, rows)).max(axis=1), t) + size_of_origins
+        size = np.maximum(np.abs(rays.rays.at(rows, t)).max(axis=1), t) + size_of_origins
         return np.asarray(np.maximum(promised * known.footprint(t), ULPS * size) + ULPS * size)
 
     beyond = rays.values(depth, ...) > allowed(depth, ...)
@@ -118,16 +118,11 @@ class _Rays:
     """Rays of some pixels and the field along them, in float64; `rows` selects rays."""
 
     field: Field
-    origins: NDArray[Any]
-    directions: NDArray[Any]
+    rays: Rays
     starts: NDArray[Any]
 
-    def points(self, t: NDArray[Any], rows: Any) -> NDArray[Any]:
-        return np.asarray(self.origins[rows] + t[:, None] * self.directions[rows])
-
     def values(self, t: NDArray[Any], rows: Any) -> NDArray[Any]:
-        """abs(field) at the distances t."""
-        return np.abs(self.field.distance(self.points(t, rows)))
+        return np.abs(self.field.distance(self.rays.at(rows, t)))
 
     def comes_near(self, t: NDArray[Any], rows: NDArray[Any], allowed: Any, reach: NDArray[Any]) -> NDArray[np.bool_]:
         """Whether the field is within the allowed value at some of 65 points up to `reach` before and behind t."""

@@ -28,7 +28,6 @@ class Renderers:
         self._stack = ExitStack()
 
     def of(self, setting: Setting) -> Renderer:
-        """The renderer for a setting."""
         size = setting.size(self._size)
         if size == self._size:
             return self._given
@@ -53,7 +52,6 @@ def draw(
     params: Mapping[str, Any] | None = None,
     outputs: Sequence[str] = ("color",),
 ) -> list[Frame]:
-    """Render all frames of a setting."""
     made = setting.of(scene)
     if setting.frames > 1:
         renderer.forget()

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
@@ -18,7 +16,6 @@ from raymarch.cost.settings import Setting
 from raymarch.cost.statistics import Median, median
 from raymarch.cost.sweep import Progress, turns
 from raymarch.errors import CostError
-from raymarch.expr.node import Expr
 from raymarch.gpu.prepare import prepare
 from raymarch.gpu.renderer import Renderer
 from raymarch.plan import plan
@@ -89,20 +86,21 @@ class Effect:
 def ablations(scene: Scene) -> Iterator[tuple[str, Scene]]:
     """The scene without each of its effects in turn.
 
-    Effects are: an optional part of the scene (fog, occlusion, ...), a switch of a light or of the sky that is on, a
+    Effects are: fog, occlusion, a switch of a light or of the sky that is on, a
     softness that is not 0, one of several lights, a post effect, textures and relief, all bounces of light, the last
     bounce, and more than one ray per pixel.
     """
-    for name in _optional_parts(scene):
-        yield name, scene.replace(**{name: None})
+    for name in ("fog", "occlusion"):
+        if getattr(scene, name) is not None:
+            yield name, scene.replace(**{name: None})
     for switch in _switches([*scene.lights]):
         lights = tuple(
             light.replace(**{switch: False}) if getattr(light, switch, False) is True else light
             for light in scene.lights
         )
         yield f"{switch} of lights", scene.replace(lights=lights)
-    if any(_soft(light) for light in scene.lights):
-        lights = tuple(hard(light) if _soft(light) else light for light in scene.lights)
+    if any(light.soft for light in scene.lights):
+        lights = tuple(hard(light) if light.soft else light for light in scene.lights)
         yield "softness of shadows", scene.replace(lights=lights)
     for switch in _switches([scene.sky]):
         yield f"{switch} of the sky", scene.replace(sky=scene.sky.replace(**{switch: False}))
@@ -122,26 +120,12 @@ def ablations(scene: Scene) -> Iterator[tuple[str, Scene]]:
         yield "anti-aliasing", scene.replace(quality=scene.quality.replace(samples=1))
 
 
-def _optional_parts(scene: Scene) -> list[str]:
-    """Names of the optional parts that this scene has and a plain one does not."""
-    plain = Scene(scene.node)
-    names = [n for n, p in inspect.signature(Scene).parameters.items() if p.default is None]
-    return [n for n in names if getattr(plain, n) is None and getattr(scene, n) is not None]
-
-
 def _switches(parts: list[Any]) -> list[str]:
     """Names of attributes that are True in some part."""
     found: dict[str, None] = {}
     for part in parts:
         found.update((name, None) for name, value in part.arguments().items() if value is True)
     return list(found)
-
-
-def _soft(light: Any) -> bool:
-    softness = getattr(light, "softness", None)
-    if not isinstance(softness, Expr) or not light.shadow:
-        return False
-    return not softness.is_constant or bool(np.any(softness.data))
 
 
 def ablate(
@@ -152,26 +136,23 @@ def ablate(
     repeats: int = 9,
     seed: int = 1,
     progress: Progress | None = None,
-    count: Callable[..., float] | None = None,
 ) -> list[Effect]:
     """Measure each effect of a scene, most expensive first.
 
     renderer : an open renderer. repeats, seed : as for `raymarch.cost.sweep.sweep`; all variants take turns.
-    count : replaces `evaluations_of` in tests.
 
     Raises CostError for a scene without effects.
     """
     tell = progress or (lambda _what, _share: None)
-    counted = count or evaluations_of
     variants = list(ablations(scene))
     if not variants:
         raise CostError("the scene has no effects", legal="shadows, fog, occlusion, light of the sky, several lights")
     renderer.kept = max(renderer.kept, 4 * (len(variants) + 1))
-    complete = _figures(scene, renderer, time, params, counted)
+    complete = _figures(scene, renderer, time, params)
     found = []
     for i, (name, made) in enumerate(variants):
         tell(f"without {name}", 0.5 * i / len(variants))
-        without = _figures(made, renderer, time, params, counted)
+        without = _figures(made, renderer, time, params)
         differences = picture_errors(flip(complete["color"], without["color"]))
         costs = {n: complete[n] - without[n] for n in ("evaluations", "texture_bytes", "shader_bytes")}
         found.append(Effect(name, color=complete["color"], color_without=without["color"], **costs, **differences))
@@ -186,7 +167,7 @@ def ablate(
     return sorted(found, key=lambda e: -e.milliseconds.value)
 
 
-def _figures(scene: Scene, renderer: Any, time: float, params: Any, count: Callable[..., float]) -> dict[str, Any]:
+def _figures(scene: Scene, renderer: Any, time: float, params: Any) -> dict[str, Any]:
     """Measurements that need no clock. Two frames are rendered, so that no frame that is timed later is the first."""
     size = renderer.size
     color = renderer.render(scene, time, params, ("color",)).array("color")
@@ -203,7 +184,7 @@ def _figures(scene: Scene, renderer: Any, time: float, params: Any, count: Calla
         cells += sum(stage.size[0] * stage.size[1] for stage in effect.stages(effect.numbers(values), size))
     return {
         "color": color,
-        "evaluations": count(scene, renderer, time, params),
+        "evaluations": evaluations_of(scene, renderer, time, params),
         "texture_bytes": data + TEXEL * (cells + textures * size[0] * size[1]),
         "shader_bytes": len(shader.text().encode()) + sum(len(assemble_effect(p).text().encode()) for p in effects),
     }

@@ -40,17 +40,16 @@ _KNEE, _KNEE_VALUE = 0.4, 0.95
 _FEATURE_DEGREES = 0.082
 
 
-def flip(reference: ArrayLike, picture: ArrayLike, pixels_per_degree: float = PIXELS_PER_DEGREE) -> Array:
+def flip(reference: ArrayLike, picture: ArrayLike) -> Array:
     """FLIP of each pixel, 0 (no visible difference) to 1; shape (H, W).
 
     Parameters
     ----------
     reference, picture : (H, W, 3), linear RGB; values outside [0, 1] are clipped, as on a screen. NaN counts as 0.
-    pixels_per_degree : of visual angle, > 0.
 
     Raises ValueError for pictures of different or other shapes.
     """
-    return flip_between(perceived(reference, pixels_per_degree), perceived(picture, pixels_per_degree))
+    return flip_between(perceived(reference), perceived(picture))
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,15 +61,15 @@ class Perceived:
     points: Array
 
 
-def perceived(picture: ArrayLike, pixels_per_degree: float = PIXELS_PER_DEGREE) -> Perceived:
+def perceived(picture: ArrayLike) -> Perceived:
     """The first half of FLIP, for a picture that is compared with several others. Parameters are those of `flip`."""
     rgb = np.clip(np.nan_to_num(np.asarray(picture, np.float64), nan=0.0), 0.0, 1.0)
     if rgb.ndim != 3 or rgb.shape[-1] != 3 or not rgb.size:
         raise ValueError(f"flip: a picture of shape {rgb.shape}; legal: (H, W, 3)")
     opponent = _opponent(rgb)
     light = (opponent[..., 0] + 16.0) / 116.0
-    features = (_features(light, kind, pixels_per_degree) for kind in ("edge", "point"))
-    return Perceived(_hunt(_lab(_filtered(opponent, pixels_per_degree))), *features)
+    features = (_features(light, kind) for kind in ("edge", "point"))
+    return Perceived(_hunt(_lab(_filtered(opponent))), *features)
 
 
 def flip_between(a: Perceived, b: Perceived) -> Array:
@@ -92,15 +91,15 @@ def _color_difference(a: Perceived, b: Perceived) -> Array:
     return np.where(power < knee, _KNEE_VALUE / knee * power, beyond)
 
 
-def _features(light: Array, kind: str, ppd: float) -> Array:
-    along, across = _feature_kernels(kind, ppd)
+def _features(light: Array, kind: str) -> Array:
+    along, across = _feature_kernels(kind)
     return np.hypot(_separable(light, along, across), _separable(light, across, along))
 
 
 @cache
-def _feature_kernels(kind: str, ppd: float) -> tuple[Array, Array]:
+def _feature_kernels(kind: str) -> tuple[Array, Array]:
     """First or second derivative of a Gaussian, and the Gaussian. Positive and negative parts each sum to 1."""
-    deviation = 0.5 * _FEATURE_DEGREES * ppd
+    deviation = 0.5 * _FEATURE_DEGREES * PIXELS_PER_DEGREE
     x = _taps(int(np.ceil(3.0 * deviation)))
     gauss = np.exp(-(x**2) / (2.0 * deviation**2))
     slope = -x * gauss if kind == "edge" else (x**2 / deviation**2 - 1.0) * gauss
@@ -108,11 +107,11 @@ def _feature_kernels(kind: str, ppd: float) -> tuple[Array, Array]:
     return slope, gauss / gauss.sum()
 
 
-def _filtered(opponent: Array, ppd: float) -> Array:
+def _filtered(opponent: Array) -> Array:
     """Picture filtered by the contrast sensitivity of the eye, as linear RGB in [0, 1]."""
     filtered = np.empty_like(opponent)
-    radius = int(np.ceil(3.0 * np.sqrt(_WIDEST / (2.0 * np.pi**2)) * ppd))
-    x = _taps(radius) / ppd
+    radius = int(np.ceil(3.0 * np.sqrt(_WIDEST / (2.0 * np.pi**2)) * PIXELS_PER_DEGREE))
+    x = _taps(radius) / PIXELS_PER_DEGREE
     for channel, gaussians in enumerate(_SENSITIVITY):
         kernels = [np.exp(-(np.pi**2) * x**2 / b) for _, b in gaussians]
         weights = [a * np.sqrt(np.pi / b) * k.sum() ** 2 for (a, b), k in zip(gaussians, kernels, strict=True)]

@@ -119,10 +119,10 @@ def plain_ticks(axis: Any) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def label(places: Sequence[tuple[float, float, str]], axes: Any, size: float = 8.0) -> None:
+def label(places: Sequence[tuple[float, float, str]], axes: Any) -> None:
     """Write names beside their points (x, y), each where it is inside of the axes and covers no other name."""
     axes.figure.draw_without_rendering()
-    scale = 72.0 / axes.figure.dpi
+    size, scale = 8.0, 72.0 / axes.figure.dpi
     (left, bottom), (right, top) = scale * axes.bbox.get_points()
     taken: list[tuple[float, float, float, float]] = []
     for x, y, name in places:

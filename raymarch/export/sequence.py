@@ -15,7 +15,7 @@ from PIL import Image
 
 from raymarch.errors import RaymarchError, SceneError
 from raymarch.export.film import FILMS, check_film, write_film
-from raymarch.export.stills import FORMATS, NUMBERS, Shot, content_of, with_key
+from raymarch.export.stills import FORMATS, NUMBERS, Shot, content_of, save
 from raymarch.files import written
 from raymarch.gpu.part import Part, prepared_part
 from raymarch.gpu.prepare import Prepared, prepare
@@ -169,8 +169,7 @@ def join_tiles(target: Path, items: Sequence[Item], key: str | None, error: type
                         canvas = Image.new(tile.mode, part.whole)
                     canvas.paste(tile, item.part.corner)
             assert canvas is not None
-            suffix = target.suffix.lower()
-            canvas.save(unfinished, FORMATS[suffix], **(with_key(key) if suffix == ".png" else {}))
+            save(canvas, unfinished, target.suffix.lower(), key)
     shutil.rmtree(items[0].file.parent)
 
 

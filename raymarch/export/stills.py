@@ -9,7 +9,6 @@ import hashlib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,13 +127,12 @@ def is_whole(file: Path, keys: Collection[str | None]) -> bool:
         return False
 
 
-def with_key(key: str | None) -> dict[str, Any]:
-    """Arguments of `Image.save` that write the key into a PNG file."""
-    if key is None:
-        return {}
+def save(image: Image.Image, file: Path, suffix: str, key: str | None) -> None:
+    """Write an 8-bit picture in the format of a suffix, whatever the name of the file; a PNG file with its key."""
     entries = PngImagePlugin.PngInfo()
-    entries.add_text(ENTRY, key)
-    return {"pnginfo": entries}
+    if key is not None:
+        entries.add_text(ENTRY, key)
+    image.save(file, FORMATS[suffix], **({"pnginfo": entries} if suffix == ".png" else {}))
 
 
 def draw(
@@ -205,7 +203,7 @@ def encoder(
         values = numbers()
         return lambda file: write_exr(file, values)
     made = frame.image(alpha=True) if shot.alpha else image()
-    return lambda file: made.save(file, FORMATS[shot.suffix], **(with_key(key) if shot.suffix == ".png" else {}))
+    return lambda file: save(made, file, shot.suffix, key)
 
 
 def view_encoder(shot: Shot, frame: Frame, scene: Scene, key: str | None) -> Callable[[Path], None]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from io import BytesIO
-from typing import Any, NoReturn
+from typing import Any, Generic, NoReturn, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,22 @@ class Timing:
     draw: float
     compile: float
     first: bool
+
+
+T = TypeVar("T", bound=np.generic)
+
+
+class _Array(Generic[T]):
+    """An array of a frame, by the name of the attribute."""
+
+    def __init__(self, text: str) -> None:
+        self.__doc__ = text
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, frame: Any, owner: Any = None) -> NDArray[T]:
+        return self if frame is None else frame.array(self._name)
 
 
 @dataclass(slots=True, repr=False)
@@ -128,70 +144,29 @@ class Frame:
             return self.array(name)
         raise AttributeError(f"'Frame' object has no attribute '{name}'")
 
-    @property
-    def color(self) -> NDArray[np.float32]:
-        """Linear RGB, float32, (H, W, 3)."""
-        return self.array("color")
-
-    @property
-    def depth(self) -> NDArray[np.float32]:
-        """Distance along the ray, float32, (H, W); inf for a miss."""
-        return self.array("depth")
-
-    @property
-    def normal(self) -> NDArray[np.float32]:
-        """Outward unit normal, float32, (H, W, 3); 0 for a miss."""
-        return self.array("normal")
-
-    @property
-    def iterations(self) -> NDArray[np.int32]:
-        """Steps of the primary ray and of the cones that contain it, int32, (H, W)."""
-        return self.array("iterations")
-
-    @property
-    def evaluations(self) -> NDArray[np.float32]:
-        """Field evaluations of the primary ray, plus its portion of those of the cones around it, float32, (H, W)."""
-        return self.array("evaluations")
-
-    @property
-    def fallbacks(self) -> NDArray[np.int32]:
-        """Steps of the primary ray that were too long and were undone, int32, (H, W)."""
-        return self.array("fallbacks")
-
-    @property
-    def done(self) -> NDArray[np.bool_]:
-        """False where the primary ray ran out of steps, bool, (H, W)."""
-        return self.array("done")
-
-    @property
-    def reach(self) -> NDArray[np.float32]:
-        """Distance that the primary ray reached, float32, (H, W): its hit, or the point where it was closest to a
-        surface."""
-        return self.array("reach")
-
-    @property
-    def residual(self) -> NDArray[np.float32]:
-        """Absolute value of the field at the last sample, float32, (H, W)."""
-        return self.array("residual")
-
-    @property
-    def material(self) -> NDArray[np.int32]:
-        """Index into the scene's materials, int32, (H, W); -1 for a miss."""
-        return self.array("material")
-
-    @property
-    def slice(self) -> NDArray[np.float32]:
-        """Field value and gradient magnitude where the rays intersect a plane, float32, (H, W, 2); NaN elsewhere."""
-        return self.array("slice")
-
-    @property
-    def cycles(self) -> NDArray[np.float32]:
-        """Clock cycles that the shader spends on a pixel, from its ray to its colour, float32, (H, W).
-
-        Work that the processor does for other pixels in the meantime is included; pixels that are drawn together have
-        the same count. DeviceError on access if the driver has no GL_ARB_shader_clock.
-        """
-        return self.array("cycles")
+    color = _Array[np.float32]("Linear RGB, float32, (H, W, 3).")
+    depth = _Array[np.float32]("Distance along the ray, float32, (H, W); inf for a miss.")
+    normal = _Array[np.float32]("Outward unit normal, float32, (H, W, 3); 0 for a miss.")
+    iterations = _Array[np.int32]("Steps of the primary ray and of the cones that contain it, int32, (H, W).")
+    evaluations = _Array[np.float32](
+        "Field evaluations of the primary ray, plus its portion of those of the cones around it, float32, (H, W)."
+    )
+    fallbacks = _Array[np.int32]("Steps of the primary ray that were too long and were undone, int32, (H, W).")
+    done = _Array[np.bool_]("False where the primary ray ran out of steps, bool, (H, W).")
+    reach = _Array[np.float32](
+        "Distance that the primary ray reached, float32, (H, W): its hit, or the point where it was closest to a "
+        "surface."
+    )
+    residual = _Array[np.float32]("Absolute value of the field at the last sample, float32, (H, W).")
+    material = _Array[np.int32]("Index into the scene's materials, int32, (H, W); -1 for a miss.")
+    slice = _Array[np.float32](
+        "Field value and gradient magnitude where the rays intersect a plane, float32, (H, W, 2); NaN elsewhere."
+    )
+    cycles = _Array[np.float32](
+        "Clock cycles that the shader spends on a pixel, from its ray to its colour, float32, (H, W). Work that the "
+        "processor does for other pixels in the meantime is included; pixels that are drawn together have the same "
+        "count. DeviceError on access if the driver has no GL_ARB_shader_clock."
+    )
 
     @property
     def milliseconds(self) -> float:

@@ -79,7 +79,6 @@ def assembled(made: Plan) -> Prepared:
 
 
 def name_of(output: Wanted) -> str:
-    """The name of an output."""
     return output.output if isinstance(output, Slice) else output
 
 

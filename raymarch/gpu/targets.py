@@ -200,7 +200,6 @@ class PingPong(Releasing):
         return self.front.attachments
 
     def swap(self) -> None:
-        """Exchange `front` and `back`."""
         self.front, self.back = self.back, self.front
 
     def release(self) -> None:

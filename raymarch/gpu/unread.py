@@ -44,7 +44,6 @@ class Unread:
             yield self.target
 
     def read_all(self) -> None:
-        """Read all arrays."""
         if self.target is not None:
             for name in self.chosen.outputs:
                 self.array(name)

@@ -114,11 +114,8 @@ def _find(namespace: types.ModuleType, name: str) -> Scene:
     if isinstance(found, Node):
         found = scene_of(found)
     if not isinstance(found, Scene):
-        raise SceneError(
-            f"'scene' is {described(found)}",
-            legal="a Scene, a node, or a function giving one",
-            where=where,
-        )
+        legal = "a Scene, a node, or a function giving one"
+        raise SceneError(f"'scene' is {described(found)}", legal=legal, where=where)
     return found
 
 

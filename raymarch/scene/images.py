@@ -24,18 +24,18 @@ LARGEST = 2046
 """Maximum number of pixels along an edge. Sampled data may have 2048 texels, two of which close the circle of a sky."""
 
 
-def read_image(what: str, file: str | PathLike[str], largest: int = LARGEST) -> Array:
+def read_image(what: str, file: str | PathLike[str]) -> Array:
     """A picture as linear RGB, float32 (H, W, 3), row 0 at the top.
 
     what : name of the caller, for messages. Raises SceneError for a file that is missing, broken, or larger than
-    `largest` pixels along an edge.
+    `LARGEST` pixels along an edge.
     """
-    pixels, encoded = read_stored(what, file, largest)
+    pixels, encoded = read_stored(what, file, LARGEST)
     rgb = pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
     return np.ascontiguousarray(srgb_to_linear(rgb) if encoded else rgb, np.float32)
 
 
-def read_stored(what: str, file: str | PathLike[str], largest: int = LARGEST) -> tuple[NDArray[Any], bool]:
+def read_stored(what: str, file: str | PathLike[str], largest: int) -> tuple[NDArray[Any], bool]:
     """The values of a picture as stored, (H, W, 1 to 4), and whether its colours are sRGB-encoded.
 
     Integers are divided by the largest integer of their type, to lie in [0, 1]. Raises SceneError as `read_image` does.

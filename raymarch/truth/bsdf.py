@@ -41,8 +41,8 @@ def _compiled(bsdf: BSDF, method: str, names: tuple[str, ...], lobes: int) -> Ca
             ambient = bsdf.ambient(values)
             made = [bsdf.eval(values, normal, view, symbols["light"]), expr(0.0) if ambient is None else ambient]
         case "reflect_sky":
-            skies = (symbols[name] for name in ("mean", "mirrored", "blurred"))
-            made = [bsdf.reflect_sky(values, n_dot_v, *skies, traced)]
+            mean, around, blurred = (symbols[name] for name in ("mean", "mirrored", "blurred"))
+            made = [bsdf.reflect_sky(values, n_dot_v, mean, around, blurred, traced)]
         case "sample_lobes":
             made = [sample_lobes(bsdf, values, normal, view, symbols["u"], symbols["choice"])]
         case "pdf_lobes":

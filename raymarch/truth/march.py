@@ -364,7 +364,6 @@ class _Found:
             self._brackets.append(rays)
 
     def finish(self, value: Value) -> Roots:
-        """Refine all brackets to roots."""
         if self._brackets:
             parts = [(b.row, b.near, b.near_value, b.end, b.end_value) for b in self._brackets]
             row, a, fa, b, fb = (np.concatenate(column) for column in zip(*parts, strict=True))

@@ -238,18 +238,8 @@ def trace(
             continue
         rows = side[np.isfinite(roots.t[side])]
         origins = rays.origins[0] if len(rays.origins) == 1 else rays.origins[rows]
-        surface = Surface(
-            scene,
-            values,
-            scene_field,
-            origins,
-            rays.directions[rows],
-            roots.t[rows],
-            far,
-            inside,
-            pixel,
-            parallel=pose.orthographic,
-        )
+        along = origins, rays.directions[rows], roots.t[rows]
+        surface = Surface(scene, values, scene_field, *along, far, inside, pixel, parallel=pose.orthographic)
         residual[rows] = np.abs(scene_field.distance(surface.points))
         surfaces.append((rows, surface))
     return Truth(

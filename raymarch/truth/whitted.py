@@ -105,5 +105,6 @@ def _trace_secondary(surface: Surface, weight: Array, directions: Array, depth: 
 def _absorption(surface: Surface) -> Array:
     """Absorption of the glass that contains or begins at the surface, (N, 3). Internal reflections stay in the same
     glass."""
-    begins = surface.absorption is None or not surface.in_glass
-    return surface.material_values["absorption"] if begins else surface.absorption
+    if surface.absorption is None or not surface.in_glass:
+        return surface.material_values["absorption"]
+    return surface.absorption

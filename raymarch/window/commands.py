@@ -54,12 +54,10 @@ def move(model: Model, movement: Callable[..., View], *by: Any) -> None:
 
 
 def reset_camera(model: Model) -> None:
-    """Reset to the scene's camera."""
     model.state.reset()
 
 
 def copy_camera(model: Model) -> None:
-    """Copy the camera as a line of Python."""
     copy(model, control.as_python(model.state.hold()), "")
 
 
@@ -88,12 +86,10 @@ def advance(model: Model, seconds: float) -> None:
 
 
 def set_timeline(model: Model, line: Timeline) -> None:
-    """Change speed or loop."""
     model.state.timeline = line
 
 
 def scrub(model: Model, time: float) -> None:
-    """Jump to a time."""
     model.state.timeline = model.state.timeline.scrub(time)
     model.say("scrub", time=model.state.timeline.time)
 
@@ -110,7 +106,6 @@ def toggle_loop(model: Model) -> None:
 
 
 def set_view(model: Model, name: str) -> None:
-    """Show another array."""
     model.state.view = name
     model.say("view", name=name)
 
@@ -129,7 +124,6 @@ def approach(model: Model, number: int) -> None:
 
 
 def change_accuracy(model: Model, step: int) -> None:
-    """Change to the next stop."""
     number = next_stop(model.stops, model.state.scene.quality, step)
     approach(model, number)
     model.notice(model.stops[number].words)
@@ -178,7 +172,6 @@ def set_param(model: Model, name: str, value: Any) -> None:
 
 
 def reset_params(model: Model) -> None:
-    """Set all parameters to their defaults."""
     model.state.params.clear()
 
 
@@ -226,7 +219,6 @@ def edit(model: Model, edits: Edits) -> None:
 
 
 def copy_edits(model: Model) -> None:
-    """Copy the edits as Python."""
     state = model.state
     copy(model, state.edits.python(state.base, dict(state.params)), "nothing was edited", "\n")
 
@@ -286,7 +278,6 @@ def report(model: Model, fault: Fault) -> None:
 
 
 def reload(model: Model) -> None:
-    """Reload the scene file."""
     model.request(Open())
 
 
@@ -408,7 +399,6 @@ def _free(model: Model, ending: str) -> Path:
 
 
 def toggle_help(model: Model) -> None:
-    """Show or hide the keys."""
     model.help = not model.help
 
 
@@ -431,7 +421,6 @@ def escape(model: Model) -> None:
 
 
 def close(model: Model) -> None:
-    """Close the window."""
     model.request(Close())
 
 

@@ -61,7 +61,6 @@ class View:
 
     @property
     def forward(self) -> Vector:
-        """The unit view direction."""
         return _unit(self.target - self.position)
 
     @property
@@ -70,7 +69,6 @@ class View:
         return _unit(np.cross(self.forward, self.up))
 
     def pose(self) -> Pose:
-        """The pose for the renderer."""
         half = None if self.height is None else self.height / 2
         made = look_at(self.position, self.target, self.up, self.tan_half_fov if half is None else 0.0)
         optics = {name: getattr(self, name) for name in ("near", "far", "aperture", "focus")}
@@ -126,7 +124,6 @@ def fly(view: View, forward: float, right: float, upward: float, seconds: float)
 
 
 def zoomed(view: View, fov: float) -> View:
-    """The view with another vertical field of view, `fov` in degrees."""
     return replace(view, fov=fov)
 
 

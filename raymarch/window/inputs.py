@@ -76,7 +76,6 @@ BINDINGS = (
 
 
 def press(model: Model, event: Key) -> None:
-    """Run the command of a pressed key."""
     model.say("key", name=event.name)
     for binding in BINDINGS:
         fits = binding.key == event.name and binding.control == event.control
@@ -137,7 +136,6 @@ class Mouse:
         return self._press is not None
 
     def take(self, event: Event) -> None:
-        """Handle an event."""
         if isinstance(event, Move):
             self._move(event.x, event.y)
         elif isinstance(event, Button):

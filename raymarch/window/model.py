@@ -237,7 +237,6 @@ class Model:
         self.log.say("notice", text=text)
 
     def say(self, event: str, **facts: Any) -> None:
-        """Log an event."""
         self.log.say(event, **facts)
 
 

@@ -85,7 +85,6 @@ class Overlay:
             used["top " + corner if corner in columns else corner] = before + high + margin
 
     def release(self) -> None:
-        """Free the images."""
         for texture in self._made.values():
             self._screen.free(texture)
         self._made.clear()

@@ -60,7 +60,6 @@ class Pick:
     trouble: str = ""
 
     def text(self) -> str:
-        """For the overlay."""
         if not np.isfinite(self.distance):
             lines = ["nothing was hit here"]
         else:
@@ -117,7 +116,6 @@ class Inquiry:
         self._found: SimpleQueue[Pick] = SimpleQueue()
 
     def ask(self, pick: Pick, shot: Shot, values: Values, origin: Vector, ray: Vector) -> None:
-        """Begin with a pick."""
         arguments = (pick, shot.scene, values, origin, ray, shot.pose)
         threading.Thread(target=self._work, args=arguments, name="truth", daemon=True).start()
 

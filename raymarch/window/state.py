@@ -60,7 +60,6 @@ class State:
         return set_values(self.specs, self.params, self.timeline.time, self.scene.where)
 
     def pose(self) -> Pose:
-        """The current pose of the camera."""
         if not self.moved and _moves(self.scene):
             return self.scene.pose(self.values, self.aspect)
         return self._optics(self.camera).pose()
@@ -111,7 +110,6 @@ class State:
         return self._optics(self.camera)
 
     def reset(self) -> None:
-        """Reset to the scene's camera."""
         self.camera, self.moved = home(self.scene, self.values, self.aspect), False
 
     def set(self, name: str, value: Any) -> None:

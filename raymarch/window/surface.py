@@ -100,7 +100,6 @@ class Window:
 
     @property
     def closing(self) -> bool:
-        """True if the window was closed."""
         return bool(self.glfw.window_should_close(self.handle))
 
     def close(self) -> None:
@@ -108,11 +107,9 @@ class Window:
         self.glfw.set_window_should_close(self.handle, True)
 
     def title(self, text: str) -> None:
-        """Set the title of the window."""
         self.glfw.set_window_title(self.handle, text)
 
     def clip(self, text: str) -> None:
-        """Put text on the clipboard."""
         self.glfw.set_clipboard_string(self.handle, text)
 
     def clipped(self) -> str:
@@ -126,7 +123,6 @@ class Window:
             self.glfw.swap_buffers(self.handle)
 
     def release(self) -> None:
-        """Close for good."""
         self.context.release()
 
 

@@ -27,7 +27,6 @@ class Timeline:
         return replace(self, time=self._wrapped(self.time + self.speed * seconds)) if self.playing else self
 
     def toggle(self) -> Timeline:
-        """Play or pause."""
         return replace(self, playing=not self.playing)
 
     def step(self, frames: int) -> Timeline:

@@ -114,7 +114,6 @@ class Toolkit:
             self._backend.keyboard_callback(None, event.code, 0, glfw.PRESS if event.down else glfw.RELEASE, 0)
 
     def begin(self) -> None:
-        """Start a frame."""
         self._backend.process_inputs()
         self.imgui.new_frame()
 
@@ -126,7 +125,6 @@ class Toolkit:
             self._backend.render(self.imgui.get_draw_data())
 
     def release(self) -> None:
-        """Free textures and context."""
         with self._window.context.bound():
             self._backend.shutdown()
         self._io.backend_flags &= ~self.imgui.BackendFlags_.renderer_has_textures

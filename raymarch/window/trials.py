@@ -96,7 +96,6 @@ class Trials:
                 return answer
 
     def close(self) -> None:
-        """End the process."""
         self._kill(ask=False)
         self._reap()
         if self._spare is not None:

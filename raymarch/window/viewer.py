@@ -25,19 +25,7 @@ from raymarch.window.constants import CLICKED, Constants
 from raymarch.window.events import Drop, Event
 from raymarch.window.inputs import Mouse, flying
 from raymarch.window.messages import Message, messages_of
-from raymarch.window.model import (
-    Close,
-    Copy,
-    Inspect,
-    Interrupt,
-    Log,
-    Measure,
-    Model,
-    Open,
-    Request,
-    SavePicture,
-    Show,
-)
+from raymarch.window.model import Close, Copy, Inspect, Interrupt, Log, Measure, Model, Open, Request, SavePicture, Show
 from raymarch.window.news import Fault
 from raymarch.window.overlay import Bar, Overlay
 from raymarch.window.pace import Pace, scaled
@@ -417,7 +405,6 @@ class Viewer:
         self.model.evaluations, self._live = (shot, float(made.evaluations.mean())), 3
 
     def release(self) -> None:
-        """Close everything."""
         self.reloader.stop()
         if self._toolkit is not None:
             self._toolkit.release()

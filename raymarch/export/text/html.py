@@ -92,7 +92,6 @@ def _params(made: Plan, shader: Shader, values: Values) -> list[dict[str, Any]]:
 
 
 def _distance(scene: Scene, values: Values) -> float:
-    """The distance of the camera from its target."""
     lower, upper = framed_box(scene.subject)
     target = (lower + upper) / 2 if scene.camera.target is None else values.of(scene.camera.target)
     return float(np.linalg.norm(scene.pose(values).position - target))
