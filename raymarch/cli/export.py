@@ -36,8 +36,9 @@ def run(
     start, began = clock_time.perf_counter(), clock_time.time()
     found, params, corners = load(scene), parse_settings(set_ or []), parse_box(box)
     with bar("exporting", 1.0) as progress:
-        how = {"shadertoy": shadertoy, "cells": cells, "box": corners, "progress": progress}
-        export(found, output, time=time, params=params, **how)
+        export(
+            found, output, time=time, params=params, shadertoy=shadertoy, cells=cells, box=corners, progress=progress
+        )
     spent = clock_time.perf_counter() - start
     errors.print(f"{output}  {output.stat().st_size / 1e3:,.0f} kB  {spent:.1f} s")
     beside = output.with_suffix(TEXTURES)

@@ -135,10 +135,8 @@ class Cluster(Generic[U]):
         if not found:
             raise ClusterError(f"none of the {len(workers)} workers answers in {ANSWER:g} s", legal="idle workers")
         if any(isinstance(answer, str) and UNREADABLE in answer for answer in found.values()):
-            raise ClusterError(
-                f"the scheduler {address} cannot read the tasks: it has no raymarch, or another version",
-                legal="the same environment for scheduler, workers and command",
-            )
+            what = f"the scheduler {address} cannot read the tasks: it has no raymarch, or another version"
+            raise ClusterError(what, legal="the same environment for scheduler, workers and command")
         return found
 
     def _ask(self, workers: Sequence[str], function: Callable[..., Any], *arguments: Any) -> dict[str, Any]:

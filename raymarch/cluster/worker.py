@@ -208,11 +208,9 @@ def draw_batch(source: Source, job: Job, pictures: Sequence[tuple[Item, str | No
 def _compare(renderer: Renderer, scene: Scene, shot: Shot, item: Item, content: str | None) -> None:
     """SceneError if a picture of this scene is not the one that the client submitted."""
     if content is not None and Contents(scene, shot, renderer).of(item) != content:
-        raise SceneError(
-            "the scene is not the same on this worker",
-            legal="a scene file that makes the same scene each time: seed random numbers, read no clock",
-            where=scene.where,
-        )
+        what = "the scene is not the same on this worker"
+        legal = "a scene file that makes the same scene each time: seed random numbers, read no clock"
+        raise SceneError(what, legal=legal, where=scene.where)
 
 
 def merge(source: Source, job: Job, content: str | None, *shares: Share | Refused) -> Done | Refused:

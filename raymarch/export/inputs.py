@@ -215,18 +215,12 @@ def textures(made: Plan, shader: Shader, values: Values) -> Iterator[tuple[str, 
 def refuse_textures(made: Plan, shader: Shader, form: str) -> None:
     """PlanError if the shader reads textures that a text cannot hold."""
     if made.lights_as_data and LIGHTS not in shader.constants:
-        raise PlanError(
-            f"{len(made.scene.lights)} lights with more than {SMALL} numbers: a {form} file holds no textures",
-            legal="fewer lights, or a .html page",
-            where=made.scene.lights[-1].where,
-        )
+        what = f"{len(made.scene.lights)} lights with more than {SMALL} numbers: a {form} file holds no textures"
+        raise PlanError(what, legal="fewer lights, or a .html page", where=made.scene.lights[-1].where)
     for data in made.textures:
         if data.name not in shader.constants:
-            raise PlanError(
-                f"{data.label}: a {form} file holds no textures, and up to {SMALL} numbers of sampled data",
-                legal="a .html page, or a .glsl file",
-                where=_place_of(made.scene, data),
-            )
+            what = f"{data.label}: a {form} file holds no textures, and up to {SMALL} numbers of sampled data"
+            raise PlanError(what, legal="a .html page, or a .glsl file", where=_place_of(made.scene, data))
 
 
 def _place_of(scene: Scene, data: Any) -> Location | None:

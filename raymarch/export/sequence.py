@@ -219,8 +219,6 @@ def _numbered(target: Path, number: int, option: str, error: type[RaymarchError]
         with suppress(TypeError, ValueError):
             name = target.name % number
     if name == target.name:
-        raise error(
-            f"{option} with the output '{target}'",
-            legal="a film (.mp4, .webm, .gif), or a field for the frame number: frame-{:04d}.png",
-        )
+        what = f"{option} with the output '{target}'"
+        raise error(what, legal="a film (.mp4, .webm, .gif), or a field for the frame number: frame-{:04d}.png")
     return name

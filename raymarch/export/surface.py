@@ -99,11 +99,8 @@ def surface_of(
     mesh = contour(_values_of_blocks(solid, first, cell, blocks, progress), tangents, nearby)
     vertices, faces = first + cell * mesh.vertices, mesh.faces
     if not len(faces):
-        raise SceneError(
-            "the mesh is empty: no point of the grid lies inside the solid",
-            legal="a solid in the box, or more cells",
-            where=scene.node.where,
-        )
+        what = "the mesh is empty: no point of the grid lies inside the solid"
+        raise SceneError(what, legal="a solid in the box, or more cells", where=scene.node.where)
     count = int(np.prod(-(-shape // BLOCK)))
     normals = _normals(_gradients(field, solid, vertices), mesh.normals, vertices, faces)
     colors = np.empty_like(vertices)
@@ -119,18 +116,12 @@ def _box_of(node: Node, box: tuple[Array, Array] | None) -> tuple[Array, Array]:
     if box is not None:
         low, high = np.maximum(low, box[0]), np.minimum(high, box[1])
     if np.any(low >= high):
-        raise SceneError(
-            "the solid is empty" if box is None else "the solid has no part in the box",
-            legal="a solid with a volume",
-            where=node.where,
-        )
+        what = "the solid is empty" if box is None else "the solid has no part in the box"
+        raise SceneError(what, legal="a solid with a volume", where=node.where)
     if not np.all(np.isfinite([low, high])):
         endless = _endless(node)
-        raise SceneError(
-            f"{endless.name} is unbounded, and a mesh is finite",
-            legal="a bounded solid, or a box: --box X,Y,Z:X,Y,Z",
-            where=endless.where or node.where,
-        )
+        what = f"{endless.name} is unbounded, and a mesh is finite"
+        raise SceneError(what, legal="a bounded solid, or a box: --box X,Y,Z:X,Y,Z", where=endless.where or node.where)
     return low, high
 
 
@@ -149,11 +140,9 @@ class _Solid:
     def __init__(self, node: Node, values: Values, low: Array, high: Array, cell: float, clipped: bool) -> None:
         field = lower(node)
         if without_twin(field.body):
-            raise SceneError(
-                "a mesh of a GLSL node without a NumPy function",
-                legal="glsl_node(..., twin=a function from points (N, 3) to distances (N,))",
-                where=node.where,
-            )
+            what = "a mesh of a GLSL node without a NumPy function"
+            legal = "glsl_node(..., twin=a function from points (N, 3) to distances (N,))"
+            raise SceneError(what, legal=legal, where=node.where)
         self._node, self._values = node, values
         pad = 0.0 if clipped else 0.5 * cell
         self.middle, self.half = (low + high) / 2, (high - low) / 2 + pad

@@ -504,10 +504,8 @@ class _Glfw:
 
     def _start(self, glfw: Any, offscreen: bool, answer: Callable[[str], str]) -> None:
         if glfw.get_version() < (3, 4, 0):
-            raise DeviceError(
-                f"glfw {'.'.join(map(str, glfw.get_version()))} is too old",
-                legal="needs the GLFW library 3.4: pip install -U glfw",
-            )
+            what = f"glfw {'.'.join(map(str, glfw.get_version()))} is too old"
+            raise DeviceError(what, legal="needs the GLFW library 3.4: pip install -U glfw")
         running = glfw.get_platform()  # 0 if glfw is not initialized
         if running and (running == glfw.PLATFORM_NULL) == offscreen:
             return
@@ -522,15 +520,11 @@ class _Glfw:
     def _refuse_to_switch(self, offscreen: bool) -> None:
         wanted, other = ("osmesa", "window") if offscreen else ("window", "osmesa")
         if self._live:
-            raise DeviceError(
-                f"{wanted} and {other} contexts cannot exist in one process: glfw runs one platform at a time",
-                legal=f"release the {len(self._live)} live {other} context(s) first, or take egl",
-            )
+            what = f"{wanted} and {other} contexts cannot exist in one process: glfw runs one platform at a time"
+            raise DeviceError(what, legal=f"release the {len(self._live)} live {other} context(s) first, or take egl")
         if not self._started_here:
-            raise DeviceError(
-                f"glfw was started by other code on a platform without {wanted} contexts",
-                legal="call glfw.terminate() there first, or take egl",
-            )
+            what = f"glfw was started by other code on a platform without {wanted} contexts"
+            raise DeviceError(what, legal="call glfw.terminate() there first, or take egl")
 
 
 _GLFW = _Glfw()

@@ -58,7 +58,8 @@ class _Array(Generic[T]):
         self._name = name
 
     def __get__(self, frame: Any, owner: Any = None) -> NDArray[T]:
-        return self if frame is None else frame.array(self._name)
+        found: Any = self if frame is None else frame.array(self._name)
+        return found
 
 
 @dataclass(slots=True, repr=False)

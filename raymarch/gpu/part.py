@@ -34,10 +34,8 @@ class Part:
         """The part of this size, in the whole picture. DeviceError if it does not lie in it."""
         (x, y), (width, height) = self.corner, size
         if x < 0 or y < 0 or x + width > self.whole[0] or y + height > self.whole[1]:
-            raise DeviceError(
-                f"a part of {width}x{height} at {self.corner} of a picture of {self.whole[0]}x{self.whole[1]}",
-                legal="a part inside the picture",
-            )
+            what = f"a part of {width}x{height} at {self.corner} of a picture of {self.whole[0]}x{self.whole[1]}"
+            raise DeviceError(what, legal="a part inside the picture")
         return x, self.whole[1] - y - height, width, height
 
 
@@ -45,11 +43,8 @@ def prepared_part(ready: Prepared) -> Prepared:
     """A prepared scene whose shader draws parts. SceneError for a scene of which a part cannot be drawn alone."""
     scene, quality = ready.plan.given, ready.plan.given.quality
     if quality.temporal != "off" or quality.rays != "computed":
-        raise SceneError(
-            f"a part of a picture with temporal={quality.temporal!r}, rays={quality.rays!r}",
-            legal="temporal='off' and rays='computed'",
-            where=scene.where,
-        )
+        what = f"a part of a picture with temporal={quality.temporal!r}, rays={quality.rays!r}"
+        raise SceneError(what, legal="temporal='off' and rays='computed'", where=scene.where)
     if scene.post:
         raise SceneError(
             f"{scene.post[0].LABEL} of a part of a picture, such as a tile or a share of samples: it needs all pixels",

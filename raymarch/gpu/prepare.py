@@ -108,11 +108,9 @@ def frame_uniforms(
     values = with_hoisted(ready.plan.hoisted, values)
     given, origin = pose or ready.plan.given.pose(values, size[0] / size[1]), ready.plan.origin
     if given.orthographic != scene.camera.orthographic:
-        raise SceneError(
-            f"pose: of {'an orthographic' if given.orthographic else 'a perspective'} camera",
-            legal=f"of one with projection={scene.camera.projection!r}, as the scene's camera",
-            where=scene.camera.where,
-        )
+        what = f"pose: of {'an orthographic' if given.orthographic else 'a perspective'} camera"
+        legal = f"of one with projection={scene.camera.projection!r}, as the scene's camera"
+        raise SceneError(what, legal=legal, where=scene.camera.where)
     pose = replace(given, position=given.position - origin)
     uniforms: dict[str, Any] = {
         "u_camera_position": pose.position,

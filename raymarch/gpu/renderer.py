@@ -230,10 +230,8 @@ class Renderer:
             self._refuse_closed(wanted or name)
             with self.context.bound():
                 if self.size != size:
-                    raise DeviceError(
-                        f"this renderer draws {self.size} now, the frame is {size}",
-                        legal="access the array before `resize`",
-                    )
+                    what = f"this renderer draws {self.size} now, the frame is {size}"
+                    raise DeviceError(what, legal="access the array before `resize`")
                 outputs = [output for output in picture.outputs if name_of(output) == name] or [name]
                 return passes(replace(picture, scene=scene, outputs=outputs))
 

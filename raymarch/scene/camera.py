@@ -343,11 +343,8 @@ class Camera(Part):
             )
         across = np.linalg.norm(np.cross(view, up))
         if across <= 1e-9 * np.linalg.norm(view) * np.linalg.norm(up):
-            raise SceneError(
-                f"Camera: up = {up.tolist()} is parallel to the view {view.tolist()}",
-                legal="an up direction that is not parallel to the view",
-                where=self.where,
-            )
+            what = f"Camera: up = {up.tolist()} is parallel to the view {view.tolist()}"
+            raise SceneError(what, legal="an up direction that is not parallel to the view", where=self.where)
 
 
 def framed_box(subject: Facts | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -180,11 +180,9 @@ def refuse_extent(view: DefaultView, origin: NDArray[np.float64], field: Functio
         return
     lost = _lost(field, pose, origin, 0.5 * away, max(largest, 4.0 * away), values)
     if lost:
-        raise PlanError(
-            f"the scene is {largest:.3g} units large and its nearest surface {away:.3g} away: {lost}",
-            legal="sizes closer to 1, or a camera farther from the large surface",
-            where=scene.node.where,
-        )
+        what = f"the scene is {largest:.3g} units large and its nearest surface {away:.3g} away: {lost}"
+        legal = "sizes closer to 1, or a camera farther from the large surface"
+        raise PlanError(what, legal=legal, where=scene.node.where)
 
 
 @dataclass(frozen=True, slots=True)

@@ -198,15 +198,11 @@ class Quality(Value):
                 raise SceneError(f"Quality: {name} = None", legal="a number")
         if self.steps_per_pass is not None and (self.samples > 1 or self.temporal == "reproject"):
             others = f"samples = {self.samples}, temporal = {self.temporal!r}"
-            raise SceneError(
-                f"Quality: steps_per_pass = {self.steps_per_pass} with {others}",
-                legal="one ray a pixel, samples=1, and temporal 'off' or 'accumulate'",
-            )
+            what = f"Quality: steps_per_pass = {self.steps_per_pass} with {others}"
+            raise SceneError(what, legal="one ray a pixel, samples=1, and temporal 'off' or 'accumulate'")
         if self.lights_per_pass is not None and self.temporal == "reproject":
-            raise SceneError(
-                f"Quality: lights_per_pass = {self.lights_per_pass} with temporal = 'reproject'",
-                legal="temporal 'off' or 'accumulate'",
-            )
+            what = f"Quality: lights_per_pass = {self.lights_per_pass} with temporal = 'reproject'"
+            raise SceneError(what, legal="temporal 'off' or 'accumulate'")
         if self.shortened and self.tracer not in ("auto", "plain"):
             name = "step_scale" if self.step_scale < 1 else "step_variation"
             raise SceneError(f"Quality: {name} with tracer = {self.tracer!r}", legal="tracer 'auto' or 'plain'")

@@ -137,10 +137,8 @@ class Scene(Value):
         count = optional(integer, "Scene: bounces", bounces, 0, DEEPEST["path"], "an integer from 0 to 16, or None")
         deepest = DEEPEST[chosen.integrator]
         if count is not None and count > deepest:
-            raise SceneError(
-                f"Scene: bounces = {count} with Quality(integrator='whitted'): {2 ** (count + 1) - 1} rays a pixel",
-                legal=f"up to {deepest}, or Quality(integrator='path')",
-            )
+            what = f"Scene: bounces = {count} with Quality(integrator='whitted'): {2 ** (count + 1) - 1} rays a pixel"
+            raise SceneError(what, legal=f"up to {deepest}, or Quality(integrator='path')")
         if count is None:
             mirrors = chosen.integrator == "whitted"
             called_for = any(m.transmits or (mirrors and m.mirrors) for m in _labels(solid))

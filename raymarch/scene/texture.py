@@ -161,20 +161,16 @@ class Texture(Value):
         if self.channel is not None and channels >= 3 and self.channel != "a":
             return self._sampled(self._texels("stored"), p)["rgb".index(self.channel)]  # one texture for all channels
         if self.channel is None and channels >= 3 and np.ptp(self.pixels[..., :3], axis=2).max() > 1.5 / 255.0:
-            raise SceneError(
-                f"'{self.file}' has {channels} channels where one number is wanted",
-                legal="a grey picture, or channel='r', 'g' or 'b'",
-            )
+            what = f"'{self.file}' has {channels} channels where one number is wanted"
+            raise SceneError(what, legal="a grey picture, or channel='r', 'g' or 'b'")
         return self._sampled(self._texels("number"), p)
 
     def normal_map_gradient(self, p: Expr) -> Expr:
         """The slopes of a normal map as the gradient in space of a height over the surface, a vec3."""
         if self.pixels.shape[2] < 3:
             legal = "three: red right, green up, blue out"
-            raise SceneError(
-                f"'{self.file}' has {self.pixels.shape[2]} channel{'s' * (self.pixels.shape[2] > 1)}, no normals",
-                legal=legal,
-            )
+            what = f"'{self.file}' has {self.pixels.shape[2]} channel{'s' * (self.pixels.shape[2] > 1)}, no normals"
+            raise SceneError(what, legal=legal)
         return self._gradient(self._texels("normals"), p, False)
 
     def height_gradient(self, p: Expr) -> Expr:
