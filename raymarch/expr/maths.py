@@ -25,47 +25,10 @@ from raymarch.expr.convert import numbers, short
 from raymarch.expr.node import Expr, Operand, construct, expr, var
 from raymarch.expr.types import FLOAT, vector
 
-__all__ = [
-    "abs",
-    "acos",
-    "asin",
-    "atan",
-    "atan2",
-    "ceil",
-    "clamp",
-    "cos",
-    "cosh",
-    "cross_product",
-    "distance",
-    "dot",
-    "exp",
-    "exp2",
-    "floor",
-    "fract",
-    "length",
-    "log",
-    "log2",
-    "max",
-    "min",
-    "mix",
-    "mod",
-    "normalize",
-    "pi",
-    "pow",
-    "sign",
-    "sin",
-    "sinh",
-    "smoothstep",
-    "sqrt",
-    "step",
-    "tan",
-    "tanh",
-    "tau",
-    "vec2",
-    "vec3",
-    "vec4",
-    "where",
-]
+__all__ = ["abs", "ceil", "clamp", "floor", "fract", "max", "min", "mix", "mod", "sign", "smoothstep", "step", "where"]
+__all__ += ["acos", "asin", "atan", "atan2", "cos", "cosh", "pi", "sin", "sinh", "tan", "tanh", "tau"]
+__all__ += ["exp", "exp2", "log", "log2", "pow", "sqrt"]
+__all__ += ["cross_product", "distance", "dot", "length", "normalize", "vec2", "vec3", "vec4"]
 
 P = ParamSpec("P")
 

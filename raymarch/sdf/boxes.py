@@ -22,17 +22,8 @@ from raymarch.sdf.domain import Direction, Fits, Length, NonNegative, Positive, 
 from raymarch.sdf.facts import Exactness
 from raymarch.sdf.solids import along_axes
 
-__all__ = [
-    "box_frame",
-    "hexagonal_prism",
-    "pyramid",
-    "quad",
-    "rhombus",
-    "rounded_box",
-    "slab",
-    "triangle",
-    "triangular_prism",
-]
+__all__ = ["box_frame", "hexagonal_prism", "pyramid", "rhombus", "rounded_box", "slab", "triangular_prism"]
+__all__ += ["quad", "triangle"]
 
 
 def smallest(v: Expr) -> Expr:

@@ -29,19 +29,8 @@ from raymarch.sdf.definition import cube, shape
 from raymarch.sdf.domain import Domain, Fits, NonNegative, Points2, Positive, Size2, Vec2, require, shown
 from raymarch.sdf.facts import FARTHEST
 
-__all__ = [
-    "circle",
-    "cross",
-    "flat_triangle",
-    "polygon",
-    "polyline",
-    "rectangle",
-    "regular_polygon",
-    "rounded_rectangle",
-    "star",
-    "stroke",
-    "trapezoid",
-]
+__all__ = ["circle", "cross", "polyline", "rectangle", "rounded_rectangle", "stroke"]
+__all__ += ["flat_triangle", "polygon", "regular_polygon", "star", "trapezoid"]
 
 Sides = Annotated[int, Domain(None, low=3, high=65535, unit="count")]
 Points = tuple[tuple[float, float], ...]

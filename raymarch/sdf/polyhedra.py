@@ -27,20 +27,10 @@ from raymarch.sdf.definition import cube, shape
 from raymarch.sdf.domain import Positive, Scalar
 from raymarch.sdf.node import Node
 
-__all__ = [
-    "cuboctahedron",
-    "dodecahedron",
-    "icosahedron",
-    "icosidodecahedron",
-    "octahedron",
-    "rhombicuboctahedron",
-    "tetrahedron",
-    "truncated_cube",
-    "truncated_dodecahedron",
-    "truncated_icosahedron",
-    "truncated_octahedron",
-    "truncated_tetrahedron",
-]
+__all__ = ["dodecahedron", "icosahedron", "octahedron", "tetrahedron"]
+__all__ += ["cuboctahedron", "icosidodecahedron", "rhombicuboctahedron"]
+__all__ += ["truncated_cube", "truncated_octahedron", "truncated_tetrahedron"]
+__all__ += ["truncated_dodecahedron", "truncated_icosahedron"]
 
 Floats = NDArray[np.float64]
 

@@ -51,25 +51,10 @@ from raymarch.sdf.domain import (
 from raymarch.sdf.facts import Exactness
 from raymarch.sdf.polyhedra import icosahedral_fold
 
-__all__ = [
-    "blob",
-    "capped_torus",
-    "cone",
-    "cut_hollow_sphere",
-    "cut_sphere",
-    "death_star",
-    "disc",
-    "ellipsoid",
-    "infinite_cone",
-    "infinite_cylinder",
-    "line",
-    "link",
-    "round_cone",
-    "rounded_cylinder",
-    "solid_angle",
-    "superquadric",
-    "vesica",
-]
+__all__ = ["blob", "ellipsoid", "superquadric", "vesica"]
+__all__ += ["capped_torus", "disc", "link"]
+__all__ += ["cone", "infinite_cone", "infinite_cylinder", "line", "round_cone", "rounded_cylinder"]
+__all__ += ["cut_hollow_sphere", "cut_sphere", "death_star", "solid_angle"]
 
 Roundness = Annotated[Any, Domain(FLOAT, low=0.05, high=2.0)]
 
