@@ -232,14 +232,11 @@ def _positive_constant(e: Expr) -> bool:
     return e.op == "const" and e.type is not BOOL and bool(np.all(e.data > 0))
 
 
-def _helper(name: str, text: str) -> Template:
-    """A function that GLSL lacks or leaves partly undefined; its text is emitted once if it is used."""
-
-    def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-        printer.helpers[name, node.type.name] = text.replace("TYPE", node.type.name)
-        return call_text(name, [_stretched(p, a, node.type) for p, a in zip(pieces, node.args, strict=True)], node.args)
-
-    return template
+def _unit(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+    """`normalize`, which GLSL leaves undefined for the zero vector."""
+    of = node.type
+    printer.helpers["unit", of.name] = f"{of} unit({of} v) {{\n    return v / max(length(v), 1.0842022e-19);\n}}"
+    return call_text("unit", pieces, node.args)
 
 
 # GLSL does not specify the accuracy of inverse trigonometric functions. On Mesa the built-in asin and acos have errors
@@ -466,7 +463,7 @@ TEMPLATES: Mapping[str, Template] = {
     "or": _infix("||", OR),
     "not": _prefix("!"),
     "where": _where,
-    "normalize": _helper("unit", "TYPE unit(TYPE v) {\n    return v / max(length(v), 1.0842022e-19);\n}"),
+    "normalize": _unit,
     "swizzle": _swizzle,
     "field": _swizzle,
     "construct": _construct,

@@ -229,14 +229,11 @@ class _Gatherer:
 
     def _blend(self, node: Node, family: str, k: float) -> Rows | None:
         """A smooth union as rows, if all its operands can be."""
-        signatures = []
-        for child in node.children:
+        groups: dict[int, list[int]] = {}
+        for i, child in enumerate(node.children):
             signature = self.signature(child) if rows_of(child) is None else None
             if signature is None:
                 return None
-            signatures.append(signature)
-        groups: dict[int, list[int]] = {}
-        for i, signature in enumerate(signatures):
             groups.setdefault(signature[0], []).append(i)
         alike = sum(len(members) for members in groups.values() if len(members) >= self.alike)
         if self.live & groups.keys() and not all(child.facts.bounded for child in node.children):
@@ -274,8 +271,8 @@ class _Gatherer:
         return self.known[id(node)]
 
     def _signature(self, node: Node) -> Signature | None:
-        below = [self.known[id(child)] for child in node.children]
-        if any(s is None for s in below) or node.facts.exactness == "estimate" or rows_of(node) is not None:
+        below = [s for child in node.children if (s := self.known[id(child)]) is not None]
+        if len(below) < len(node.children) or node.facts.exactness == "estimate" or rows_of(node) is not None:
             return None
         if hidden_from(node):  # the rows of a table are visible to all rays
             return None
@@ -308,18 +305,12 @@ class _Gatherer:
         if node.label is not None:
             label = "slot" if self._is_constant(node.label) else node.label
             slots = (node.label,) if label == "slot" else ()
-        form = (key, steep, label, tuple(s[0] for s in below if s is not None))
+        form = (key, steep, label, tuple(s[0] for s in below))
         number = self.forms.setdefault(form, len(self.forms))
-        if not all(v.is_constant for v in node.params.values() if isinstance(v, Expr)) or any(
-            s is not None and s[0] in self.live for s in below
-        ):
+        constant = all(v.is_constant for v in node.params.values() if isinstance(v, Expr))
+        if not constant or any(s[0] in self.live for s in below):
             self.live.add(number)
-        numbers = tuple(own)
-        for s in below:
-            if s is not None:
-                numbers += s[1]
-                slots += s[2]
-        return number, numbers, slots
+        return number, sum((s[1] for s in below), tuple(own)), sum((s[2] for s in below), slots)
 
     def _is_constant(self, material: Any) -> bool:
         if id(material) not in self.materials:
@@ -328,8 +319,8 @@ class _Gatherer:
 
     def _form(self, members: Sequence[Node], order: Sequence[int]) -> tuple[Form, list[tuple[Any, ...]]]:
         """The form of some trees, and the materials of its slots for each."""
-        signatures = [self.known[id(member)] for member in members]
-        values = np.array([s[1] for s in signatures if s is not None], np.float64).reshape(len(members), -1)
+        signatures = [s for member in members if (s := self.known[id(member)]) is not None]
+        values = np.array([s[1] for s in signatures], np.float64).reshape(len(members), -1)
         leaves: list[Expr] = []
         numbers: list[NDArray[np.float64]] = []
         divisors: dict[int, Expr] = {}
@@ -363,7 +354,7 @@ class _Gatherer:
             return made
 
         template = symbolic(members[0])
-        moves = signatures[0] is not None and signatures[0][0] in self.live
+        moves = signatures[0][0] in self.live
         facts = [member.facts for member in members]
         form = Form(
             template,
@@ -381,7 +372,7 @@ class _Gatherer:
         )
         if moves:
             form = changed(form, moving=_moving(template, members))
-        return form, [s[2] for s in signatures if s is not None]
+        return form, [s[2] for s in signatures]
 
 
 def _constants(node: Expr) -> list[bool]:

@@ -8,7 +8,7 @@ as sin(x + time) depends on time and on the point. It is periodic, so its time t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -16,8 +16,9 @@ from raymarch.errors import Location
 from raymarch.expr.function import Function, unique_function
 from raymarch.expr.node import Expr, make
 from raymarch.expr.types import FLOAT, Type
-from raymarch.expr.walk import find, rebuild, rewrite, topological
+from raymarch.expr.walk import find, rebuild, topological
 from raymarch.scene.parameter import Spec, Value, Values
+from raymarch.sdf.lower import rewritten
 
 NEVER_HOISTED = frozenset("var apply cell loop item mark sample sample_slope fetch texture raw raw_slope".split())
 """Operations that depend on the point, or that only the shader can evaluate."""
@@ -74,21 +75,16 @@ def _calling(body: Expr, made: Mapping[Function, Function], origins: dict[Expr, 
             return make("call", node.type, args, made[node.data])
         return rebuild(node, args)
 
-    return _rewritten(body, rule, origins)
+    return rewritten(body, rule, origins)[body]
 
 
 def _replaced(body: Expr, leaves: Mapping[Expr, Expr], origins: dict[Expr, Location]) -> Expr:
     """The body with each key of `leaves` replaced by its value."""
-    return _rewritten(body, lambda node, args: leaves[node] if node in leaves else rebuild(node, args), origins)
 
+    def rule(node: Expr, args: tuple[Expr, ...]) -> Expr:
+        return leaves[node] if node in leaves else rebuild(node, args)
 
-def _rewritten(body: Expr, rule: Callable[[Expr, tuple[Expr, ...]], Expr], origins: dict[Expr, Location]) -> Expr:
-    """The body rewritten by `rule`; rewritten expressions keep the user's lines."""
-    new = rewrite([body], rule)
-    for old, changed in new.items():
-        if changed is not old and old in origins:
-            origins.setdefault(changed, origins[old])
-    return new[body]
+    return rewritten(body, rule, origins)[body]
 
 
 def with_hoisted(hoisted: Mapping[str, Expr], values: Values) -> Values:

@@ -15,7 +15,7 @@ from raymarch.expr.function import Function
 from raymarch.expr.node import Expr, const, construct, make, swizzle, var
 from raymarch.expr.operations import operations_of
 from raymarch.expr.tables import Table, fetch
-from raymarch.expr.types import FLOAT, VEC3, Type, struct
+from raymarch.expr.types import FLOAT, VEC3, struct
 from raymarch.expr.vocabulary import abs, get, normalize, parts_of, record, where
 from raymarch.expr.walk import find, free_variables, rebuild, rewrite, substitute
 from raymarch.plan.bounding import Bounded
@@ -458,18 +458,14 @@ class _ManyMaterials(_Evaluated):
         distance, slope, *values = located.walk(located.place, p, carried, mixed)
         if self.wanted is None:
             return distance, slope, values[0]
-        return distance, slope, _record_of(self.functions[0].type, values)
+        type = self.functions[0].type
+        return distance, slope, record(type, *values) if type.fields else values[0]
 
 
 def _interaction_in(value: Expr) -> list[Expr]:
     """The parts of the surface interaction on which the value of a function depends."""
     free = free_variables([value])
     return [variable for variable in (*SCENE_INTERACTION, *LOCAL_INTERACTION) if variable in free]
-
-
-def _record_of(type: Type, values: Sequence[Expr]) -> Expr:
-    """A struct of its parts in order; the inverse of `parts_of` for structs without structs inside."""
-    return record(type, *values) if type.fields else values[0]
 
 
 def _only_slot(template: Node) -> int | None:

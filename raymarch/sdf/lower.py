@@ -6,7 +6,7 @@ function. The rest is one expression, in which equal subtrees are one object.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import cycle
 from typing import Any, Protocol, TypeAlias
@@ -500,13 +500,20 @@ class Lowering:
 
     def _in_cell(self, value: Expr, cell: Expr, index: Expr) -> Expr:
         """The field of a child that depends on the index of its cell, for one cell."""
-        new = rewrite([value], lambda part, args: index if part is cell else rebuild(part, args))
-        for old, changed in new.items():
-            if changed is not old and old in self.origins:
-                self.origins.setdefault(changed, self.origins[old])
-            if old in self.shapes:
-                self.shapes.add(changed)
+        new = rewritten(value, lambda part, args: index if part is cell else rebuild(part, args), self.origins)
+        self.shapes |= {changed for old, changed in new.items() if old in self.shapes}
         return new[value]
+
+
+def rewritten(
+    root: Expr, rule: Callable[[Expr, tuple[Expr, ...]], Expr], origins: dict[Expr, Location]
+) -> dict[Expr, Expr]:
+    """As `rewrite`, of one expression; what replaces an expression keeps the user's line, of `origins`."""
+    new = rewrite([root], rule)
+    for old, changed in new.items():
+        if changed is not old and old in origins:
+            origins.setdefault(changed, origins[old])
+    return new
 
 
 def _from_box(inside: Expr, gap: Expr) -> Expr:
