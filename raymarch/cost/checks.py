@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from raymarch.cost.sweep import Point, Sweep
 from raymarch.gpu.clock import try_timer
-from raymarch.plan.marching import trusted
+from raymarch.plan.marching import refined
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import set_values
 from raymarch.scene.quality import LAST_STEP
@@ -84,8 +84,8 @@ def check_hits(point: Point, scene: Scene, made: Sweep, field: Field, pose: Pose
     steps have no promise.
     """
     quality = point.setting.quality
-    certified = trusted(scene.replace(quality=quality))
-    promised = quality.contact(certified)
+    levels = refined(scene.replace(quality=quality))
+    promised = quality.contact(levels)
     known = made.known
     ended = np.isfinite(point.depth) & point.done
     depth = point.depth[ended].astype(np.float64)
@@ -104,7 +104,7 @@ def check_hits(point: Point, scene: Scene, made: Sweep, field: Field, pose: Pose
     if quality.refinement == "slope":
         beyond[beyond] = ~rays.came_near(depth[beyond], np.flatnonzero(beyond), allowed)
     elif quality.refinement == "proven":
-        reach = LAST_STEP * quality.near(certified) * known.footprint(depth[beyond])
+        reach = LAST_STEP * quality.near(levels) * known.footprint(depth[beyond])
         beyond[beyond] = ~rays.comes_near(depth[beyond], np.flatnonzero(beyond), allowed, reach)
     fraction = float(beyond.mean())
     before = "come no nearer to the surface before them than"

@@ -105,7 +105,7 @@ def reference(
     if edge * edge != samples or not 0 <= samples <= 256:
         raise ValueError(f"reference: samples = {samples} (a square number up to 256)")
     values = set_values(scene.parameters, params, time)
-    near = scene.quality.near(certified=True) if samples else None  # N* alone depends on it
+    near = scene.quality.near(refined=True) if samples else None  # N* alone depends on it
     key = content_key(scene, tuple(size), time, dict(values.params), samples, near)
     file = None if (folder := cache_folder()) is None else folder / f"{key}.npz"
     found = None if file is None else _load(file)

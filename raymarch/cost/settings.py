@@ -11,7 +11,7 @@ from typing import Any
 
 from raymarch.cost.variants import VARIANTS, varied
 from raymarch.errors import CostError, SceneError
-from raymarch.plan.marching import PIXEL, SCHEDULES, Marching, trusted, unmarched
+from raymarch.plan.marching import PIXEL, SCHEDULES, Marching, refined, unmarched
 from raymarch.plan.plan import Plan, marched_otherwise, plan
 from raymarch.scene.quality import PRESETS, Quality
 from raymarch.scene.scene import Scene
@@ -176,7 +176,7 @@ def settled(scene: Scene, quality: Quality, size: tuple[int, int] | None = None)
         quality,
         schedule=schedule_of(planned.marching),
         tracer=tracer,
-        epsilon=quality.near(trusted(made)),
+        epsilon=quality.near(refined(made)),
         omega=quality.omega if tracer == quality.tracer else None,
         beta=quality.beta if tracer in ("auto_relaxed", "bracketing") else 0.3,
         shadow_steps=quality.shadow_steps if shadowed and quality.shadow_steps != quality.secondary_steps else None,

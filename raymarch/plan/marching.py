@@ -12,6 +12,7 @@ import numpy as np
 
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
+from raymarch.sdf.node import has_levels
 
 MODULES = {"relaxed_again": "relaxed"}
 """Tracers whose module has a different name."""
@@ -145,7 +146,7 @@ def choose(
     """
     quality = scene.quality
     certified, several = trusted(scene), quality.samples > 1 or quality.temporal != "off"
-    tracer, tracer_reason = _choose_tracer(quality, certified)
+    tracer, tracer_reason = _choose_tracer(quality, certified, refined(scene))
     least = WORTH_FAR if far else WORTH_BESIDE if closed else WORTH
     schedule, schedule_reason = _choose_schedule(quality, certified, operations, None if cells else size, least)
     if cells and schedule is SINGLE and certified and quality.schedule == "auto" and not quality.shortened:
@@ -166,17 +167,24 @@ def trusted(scene: Scene) -> bool:
     return scene.node.exactness != "estimate" or scene.quality.assume_certified
 
 
+def refined(scene: Scene) -> bool:
+    """True if the surface is where the field is 0, so that hits are refined; see `has_levels`."""
+    return has_levels(scene.node) or scene.quality.assume_certified
+
+
 def clipped(scene: Scene) -> bool:
     """True if the scene's box is bounded on some side, so that rays are clipped to it."""
     facts = scene.node.facts
     return bool(np.any(np.isfinite(facts.lower)) or np.any(np.isfinite(facts.upper)))
 
 
-def _choose_tracer(quality: Quality, certified: bool) -> tuple[str, str]:
+def _choose_tracer(quality: Quality, certified: bool, refines: bool) -> tuple[str, str]:
     asked = quality.tracer
     if not certified:
         if asked not in ("auto", "plain"):
             return "plain", f"the field is an estimate, so the longer steps of Quality(tracer={asked!r}) are not safe"
+        if asked == "auto" and refines and not quality.shortened:
+            return "bracketing", "the field is an estimate, so a step is at most a pixel longer than its value"
         return "plain", "the field is an estimate, so longer steps are not safe"
     if quality.shortened:
         return "plain", "Quality(step_scale=..., step_variation=...) shortens plain steps"
@@ -259,10 +267,10 @@ def choices(
         found["march/advance"] = "a step that may have passed a surface is undone"
     if quality.refinement != "proven":
         found[f"march/refine_{quality.refinement}"] = f"Quality(refinement={quality.refinement!r})"
-    elif trusted(scene):
+    elif refined(scene):
         found["march/refine"] = "the last steps follow the measured derivative, and each is verified"
     else:
-        found["march/refine_none"] = "the field is an estimate, whose hits are not refined"
+        found["march/refine_none"] = "an estimate that is never negative has no surface to refine hits on"
     if marching.tracer in ("auto_relaxed", "bracketing") and quality.refinement == "proven":
         found["march/aim"] = "whether a step may aim at the surface"
     else:

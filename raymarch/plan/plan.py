@@ -118,6 +118,7 @@ class Plan:
             "LIT": self.lights_split,
             "SAMPLES": self.scene.quality.samples > 1,
             "STANDALONE": self.standalone,
+            "ESTIMATE": not self.certified,
             "UNCOUNTED": not any(p.counts for p in self.passes),
         }
         return marching.variants_of(self.scene) | {name for name, called in used.items() if called}
@@ -133,17 +134,22 @@ class Plan:
         return marching.trusted(self.scene)
 
     @property
+    def refined(self) -> bool:
+        """True if hits are refined, by default: the surface is where the field is 0."""
+        return marching.refined(self.scene)
+
+    @property
     def epsilon(self) -> float:
         """Distance to a surface, in pixel widths, at which a ray starts to refine its hit."""
-        return self.scene.quality.near(self.certified)
+        return self.scene.quality.near(self.refined)
 
     @property
     def contact_share(self) -> float:
-        """The largest absolute value of the field at a hit, as a fraction of epsilon; 1 for estimates.
+        """The largest absolute value of the field at a hit, as a fraction of epsilon; 1 where hits are not refined.
 
         It is so small that the hit is within an epsilon of the surface, however flat the field.
         """
-        return min(CONTACT, 1.0 / flatness(self.scene.node)) if self.certified else 1.0
+        return min(CONTACT, 1.0 / flatness(self.scene.node)) if self.refined else 1.0
 
     @property
     def lights_as_data(self) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 from raymarch.scene.parameter import set_values
 from raymarch.scene.quality import PRESETS, PROMISED
 from raymarch.scene.scene import Scene
+from raymarch.sdf.node import has_levels
 
 HEIGHT = 360
 """Height in pixels of the picture that `Meaning.length` refers to: the default of `raymarch render`."""
@@ -52,7 +53,7 @@ def meanings(scene: Scene) -> list[Meaning]:
         quality = scene.quality.to_preset(name)
         pixels = PROMISED[name] if certified else None
         length = None if pixels is None or footprint is None else pixels * footprint
-        found.append(Meaning(name, pixels, length, quality.near(certified), quality == scene.quality))
+        found.append(Meaning(name, pixels, length, quality.near(has_levels(scene.node)), quality == scene.quality))
     return found
 
 

@@ -27,6 +27,7 @@ from raymarch.scene.light import Light
 from raymarch.scene.parameter import Values, set_values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.lower import lower
+from raymarch.sdf.node import has_levels
 from raymarch.sdf.shifted import shifted
 from raymarch.sdf.visibility import FAR_AWAY, hiding_nodes
 
@@ -134,7 +135,7 @@ def range_warning(view: DefaultView, origin: NDArray[np.float64], field: Functio
         return []
     largest = float(np.max(np.abs(pose.position - origin))) + away
     rounding = 2.0 * ULP * largest
-    if rounding <= scene.quality.near(scene.node.exactness != "estimate") * pose.footprint(away, 1080):
+    if rounding <= scene.quality.near(has_levels(scene.node)) * pose.footprint(away, 1080):
         return []
     pixels = rounding / pose.footprint(away, 1080)
     return [

@@ -274,13 +274,16 @@ class Quality(Value):
         rays = max(self.samples, 1 if self.temporal == "off" else 4)
         return float(max(rays**-0.5, 0.125))
 
-    def near(self, certified: bool) -> float:
-        """Field value, in pixel widths, below which a ray refines its hit."""
-        return self.epsilon if self.epsilon is not None else 0.1 if certified else 0.5
+    def near(self, refined: bool) -> float:
+        """Field value, in pixel widths, below which a ray refines its hit.
 
-    def contact(self, certified: bool) -> float:
+        refined : True if the surface is where the field is 0; see `raymarch.sdf.node.has_levels`.
+        """
+        return self.epsilon if self.epsilon is not None else 0.1 if refined else 0.5
+
+    def contact(self, refined: bool) -> float:
         """Largest field value at a hit, in pixel widths."""
-        return self.near(certified) * (CONTACT if certified and self.refinement == "proven" else 1.0)
+        return self.near(refined) * (CONTACT if refined and self.refinement == "proven" else 1.0)
 
 
 _CHOICES = {

@@ -57,7 +57,7 @@ def floor_evaluations(
         side[:] = -1.0 if is_inside(field, pose.position) else 1.0
     else:
         side[field.distance(rays.at(np.arange(len(side)), pose.near / rate)) < 0.0] = -1.0
-    near = scene.quality.near(certified=True)
+    near = scene.quality.near(refined=True)
 
     def evaluate(rows: NDArray[Any], t: NDArray[Any]) -> NDArray[np.float64]:
         return side[rows] * field.distance(rays.at(rows, t))

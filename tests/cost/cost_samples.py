@@ -45,7 +45,7 @@ class FakeRenderer:
         first = quality not in self.calls
         if "color" in outputs:
             self.calls.append(quality)
-        epsilon = quality.near(certified=True)
+        epsilon = quality.near(refined=True)
         milliseconds = 1000.0 if first else 1.0 / epsilon
         depth = self.known.depth * (1.0 + epsilon * self.known.pixel)
         if quality.max_steps == 16:

@@ -52,7 +52,7 @@ def test_a_tracer_that_stops_at_ten_times_epsilon(scene, known, renderer, monkey
 
     def wrong(plan):
         made = right(plan)
-        near = plan.scene.quality.near(plan.certified)
+        near = plan.scene.quality.near(plan.refined)
         changed = [
             type(line)(line.text.replace(f"epsilon_pixels = {near:g}", f"epsilon_pixels = {10 * near:g}"), line.made_by)
             for line in made.body

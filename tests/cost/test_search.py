@@ -25,7 +25,7 @@ from tests.cost.cost_samples import SIZE, FakeRenderer
 def test_each_preset_promises_less_error_than_the_one_before():
     assert list(PRESETS) == list(PROMISED) == ["draft", "normal", "fine", "exact"]
     assert sorted(PROMISED.values(), reverse=True) == list(PROMISED.values())
-    nearness = [rm.Quality.preset(name).near(certified=True) for name in PRESETS]
+    nearness = [rm.Quality.preset(name).near(refined=True) for name in PRESETS]
     assert sorted(nearness, reverse=True) == nearness
     assert rm.Quality.preset("normal") == rm.Quality()
 
@@ -202,7 +202,7 @@ class Blind(FakeRenderer):
     """Misses hits wherever epsilon is above a tenth."""
 
     def render(self, scene, time=0.0, params=None, outputs=("color",)):
-        lost = scene.quality.near(certified=True) > 0.1
+        lost = scene.quality.near(refined=True) > 0.1
         seen = scene.replace(quality=replace(scene.quality, max_steps=16)) if lost else scene
         return super().render(seen, time, params, outputs)
 
@@ -287,9 +287,9 @@ def test_quality_asks_whoever_measures(scene, monkeypatch):
     monkeypatch.setattr(searching, "LADDER", FEW)
     found = rm.Quality.for_error(scene, "0.5px", size=SIZE)
     assert isinstance(found, rm.Quality)
-    assert found.near(certified=True) >= 0.5
+    assert found.near(refined=True) >= 0.5
     slow = rm.Quality.for_time(scene, "60s", size=SIZE)
-    assert slow.near(certified=True) <= 0.01
+    assert slow.near(refined=True) <= 0.01
     with pytest.raises(CostError, match=r"'1em' \(a distance in pixels"):
         rm.Quality.for_error(scene, "1em")
 

@@ -6,6 +6,14 @@ float step_length(March at, float far) {
     float low = at.kept_t - abs(at.kept_r) - at.t;
     float z = min(2.0 * at.r / (1.0 - at.derivative), far - at.t + at.r);
     if (at.kept_t > 0.0 && z >= low) z = 0.5 * (at.r + low);  // into the gap
+#ifdef ESTIMATE
+    // Two spheres of an estimate that overlap prove nothing: what a longer step may miss is smaller than a pixel.
+#ifdef ORTHOGRAPHIC
+    z = min(z, at.r + u_pixel);
+#else
+    z = min(z, at.r + u_pixel * at.t);
+#endif
+#endif
     return max(at.r, z);
 }
 
