@@ -84,12 +84,13 @@ class Quality(Value):
         - "auto_relaxed": step length from an averaged slope (Bán and Valasek 2023).
         - "bracketing": as "auto_relaxed", and the empty sphere of a step that was too long is kept.
 
-        A field that is only an estimate is marched with "plain", unless `assume_certified` is set.
+        A field that is only an estimate is marched with "plain", unless `assume_certified` is set. "auto" takes
+        "bracketing" for it, with steps at most a pixel longer than its value, if it is negative inside of its solid.
     max_steps : maximum number of steps of a camera ray, 1 to 60,000 (software renderers end loops at 65,535). Rays that
         leave a surface may take eight times as many: they start on it, and steps along it grow slowly.
     epsilon : the march ends where the field falls below this many pixel widths at that distance, 0.001 to 10; see
-        `refinement`. None is 0.1 for a certified field, whose hit is then refined to a sixteenth of it. None is 0.5 for
-        an estimate, whose ray ends there: its detail below a pixel has no useful normal.
+        `refinement`. None is 0.1, and the hit is then refined to a sixteenth of it. None is 0.5 for an estimate that is
+        nowhere negative, such as that of `mandelbox`: its ray ends there, because it has no surface to refine hits on.
     normals : "analytic": gradients of the definitions. For comparison, finite differences: "tetrahedron" (4
         evaluations, error of first order in the step), "central" (6, second order), "forward" (4, first order).
     omega : relaxation factor: 1 to 2 for "relaxed" and "relaxed_again" (default 1.6), 0 to 1 for "enhanced" (default

@@ -9,7 +9,7 @@ from raymarch.expr.types import FLOAT
 from raymarch.gpu.context import Context
 from tests.functions.fields import FAR, MANY, assert_true, everything, random
 from tests.functions.profiles import Profiles, march, plane, text_of
-from tests.support.glsl_harness import run
+from tests.support.glsl_harness import modules, run
 
 
 def test_relaxed_steps_end_for_good_or_for_one_step(egl: Context) -> None:
@@ -81,3 +81,17 @@ def test_a_slope_that_no_distance_has_is_not_believed(egl: Context, tracer: str)
     found = run(egl, text_of(tracer), "averaged_derivative({0}, {1})", [(FLOAT, before), (FLOAT, slope)])
     assert np.all(np.abs(found) <= 1)
     assert tracer == "enhanced" or np.all(found <= np.float32(0.999))
+
+
+@pytest.mark.parametrize(("variants", "pixel"), [({"ESTIMATE"}, 0.05), ({"ESTIMATE", "ORTHOGRAPHIC"}, 0.01)])
+def test_a_step_of_an_estimate_is_at_most_a_pixel_longer(egl: Context, variants: set[str], pixel: float) -> None:
+    """Spheres of an estimate prove nothing, so a longer step must not pass what is larger than a pixel."""
+    slope, r = (a.ravel() for a in np.meshgrid([-1, -0.5, 0, 0.5, 0.999], [1e-4, 0.1, 3.0]))
+    before = "const float smoothing = 0.3;\nuniform float u_pixel;"
+    names = ("march/hit", "march/bracketing")
+    text = modules(*names, before=before, variants=frozenset(variants))
+    call = "step_length(March(5.0, {0}, 0.0, 0.0, {1}, {1}, false, false), 20.0)"
+    found = run(egl, text, call, [(FLOAT, r), (FLOAT, slope)], uniforms={"u_pixel": 0.01})
+    free = np.minimum(2 * r / (1 - slope), 15 + r)
+    assert np.allclose(found, np.minimum(free, r + pixel), rtol=1e-5)
+    assert np.any(free > r + pixel) and np.any(free < r + pixel)

@@ -460,6 +460,32 @@ def from_afar(world: World) -> Iterator[Figure]:
     yield Figure("pixels unlike those of an orthographic camera, of 3 fractals", most, 8, "silhouettes")
 
 
+@case(
+    91, "self-shadowing of a fractal", "brighter than float64 by up to 71 %: rays ended half a pixel before the surface"
+)
+def fractal_shadows(world: World) -> Iterator[Figure]:
+    """The value of an estimate may be a quarter of the distance: half a pixel ahead of a fractal its detail casts no
+    shadows. Hits are refined where the estimate changes its sign. Others are drawn where they are small."""
+    camera, sun = rm.Camera((1.4, 1.05, 2.2), (0, 0, 0), fov=40), rm.Sun((1.5, 2.0, 0.9), shadow=True)
+    for node in (rm.julia(iterations=8), rm.mandelbulb(power=4, iterations=4)):
+        scene = rm.Scene(node, camera, lights=[sun])
+        known = rm.truth(scene, (64, 44))
+        found = world.draw(scene, (64, 44), outputs=("color", "depth"))
+        both = known.hit & np.isfinite(found.depth)
+        assert both.sum() > 1000
+        off = abs(float(found.color[both].mean() / known.color[both].mean()) - 1.0)
+        yield Figure(f"relative error of the brightness, {node.name}", off, 0.03, "the noise of 1,000 points")
+    box = rm.Scene(rm.mandelbox(iterations=5), rm.Camera((8, 6, 13), fov=40))
+    hits = [
+        np.isfinite(world.draw(box.replace(quality=quality), (40, 30), outputs=("depth",)).depth)
+        for quality in (rm.Quality(), rm.Quality(tracer="plain", epsilon=0.5, refinement="none"))
+    ]
+    assert hits[1].sum() > 200
+    yield Figure(
+        "hits of a Mandelbox lost, which is nowhere negative", int(np.sum(hits[0] != hits[1])), 0, "half a pixel"
+    )
+
+
 @case(88, "walls thinner than a hit", "their far side in up to 8 % of the pixels, as dark specks")
 def thin_walls(world: World) -> Iterator[Figure]:
     """A march may end on the far side of a wall that is thinner than the width of a hit: its normal is turned to the

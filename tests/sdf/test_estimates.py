@@ -5,7 +5,9 @@ import pytest
 
 import raymarch as rm
 from raymarch.expr.vocabulary import length
+from raymarch.plan import plan
 from raymarch.sdf.definition import REGISTRY
+from raymarch.sdf.node import has_levels
 
 FAR = 7.0
 """From here on log(r) r / 2 is larger than r - 1."""
@@ -73,3 +75,28 @@ def test_no_estimate_steps_to_the_middle_of_its_solid(solid, radius, away):
     """The box of the solid lies within the radius of the origin."""
     found = solid.distance(away * directions(20))
     assert np.all(found <= away) and np.all(found >= away - radius)
+
+
+def raw(code, name):
+    return rm.glsl_node(code, name, "estimate", bounds=((-1, -1, -1), (1, 1, 1)))
+
+
+@pytest.mark.parametrize(
+    ("node", "levels"),
+    [
+        (rm.sphere(), True),
+        (rm.mandelbulb(iterations=3), True),
+        (rm.julia(iterations=5).translate((3, 0, 0)) | rm.plane(), True),
+        (rm.fold_fractal(lambda z, growth, p: (2.0 * abs(z) - 1.0, 2.0 * growth), rm.sphere(0.5), iterations=3), True),
+        (rm.fold_fractal(lambda z, growth, p: (2.0 * abs(z) - 1.0, 2.0 * growth), iterations=3), False),
+        (rm.mandelbox(iterations=3) | rm.mandelbulb(iterations=3), False),
+        (rm.apollonian(), False),  # unbounded
+        (raw("float unknown(vec3 p) { return length(p) - 0.5; }", "unknown"), False),  # for a GPU alone
+    ],
+)
+def test_estimates_with_a_level_set(node, levels):
+    assert has_levels(node) is levels
+    made = plan(rm.Scene(node))
+    assert made.epsilon == (0.1 if levels else 0.5)
+    assert made.marching.tracer == ("bracketing" if levels else "plain")
+    assert ("ESTIMATE" in made.variants) is (node.exactness == "estimate")
