@@ -14,6 +14,6 @@ scene = rm.Scene(
     hall | floor,
     camera=rm.Camera(position=(gap / 2, 0.3, -gap * rm.time), target=(gap / 2 + 1, 0, -gap * rm.time - 4), fov=60),
     lights=[rm.Sun(direction=(-1, 2, 1), shadow=True)],
-    sky=(0.75, 0.82, 0.9),
-    fog=rm.Fog(color=(0.75, 0.82, 0.9), density=0.03),
+    sky=(0.4, 0.52, 0.66),
+    fog=rm.Fog(density=0.03),
 )

@@ -6,10 +6,9 @@ The camera looks down, so that every ray hits. `--set horizon=1` looks along the
 import math
 
 import raymarch as rm
-from raymarch.expr.vocabulary import max, mix, vec3
+from raymarch.expr.vocabulary import mix, vec3
 
 horizon = rm.Param("horizon", 0.0, min=0.0, max=1.0)
-haze = vec3(0.85, 0.9, 1.0)
 
 
 def paint(red, green, blue, roughness=0.45, metalness=0.0):
@@ -54,7 +53,7 @@ scene = rm.Scene(
         target=mix(vec3(0, 0.2, -0.1), vec3(-0.1, 0.9, 0), horizon),
         fov=42,
     ),
-    lights=[rm.Sun(direction=(-1.2, 2, 0.9), color=(1, 0.94, 0.85), intensity=1.7, shadow=True)],
-    sky=rm.Sky(lambda d: 0.6 * mix(haze, vec3(0.3, 0.5, 0.9), max(d.y, 0.0)), light=True),
-    fog=rm.Fog(color=0.6 * haze, density=0.004),
+    lights=[rm.Sun(direction=(-1.2, 2, 0.9), color=(1, 0.94, 0.85), intensity=1.4, shadow=True)],
+    sky=rm.GradientSky(light=True),
+    fog=rm.Fog(density=0.004),
 )

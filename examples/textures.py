@@ -57,7 +57,6 @@ scene = rm.Scene(
     | rm.sphere(0.6).material(metal).translate((0.75, 0.6, 0.1))
     | rm.torus(0.3, 0.12).material(ripples).rotate(0.4, "x").translate((-0.25, 0.24, 0.9)),
     camera=rm.Camera((0.3, 1.2, 3.6), (-0.05, 0.55, 0), fov=42),
-    lights=[rm.Sun((0.7, 0.9, 0.5), intensity=2.2, shadow=True, softness=0.03)],
+    lights=[rm.Sun((0.7, 0.9, 0.5), shadow=True, softness=0.03)],
     sky=rm.GradientSky(light=True),
-    tone=rm.ToneMapping("aces"),
 )

@@ -6,10 +6,9 @@ The camera looks down, so that every ray hits. `--set horizon=1` places it in th
 import math
 
 import raymarch as rm
-from raymarch.expr.vocabulary import max, mix, vec3, where
+from raymarch.expr.vocabulary import mix, vec3, where
 
 horizon = rm.Param("horizon", 0.0, min=0.0, max=1.0)
-haze = vec3(0.72, 0.75, 0.8)
 
 timber = rm.Material(color=(0.16, 0.09, 0.05), specular=0.05)
 glass = rm.Material(color=(0.06, 0.1, 0.14), specular=0.6, shininess=120)
@@ -93,6 +92,6 @@ scene = rm.Scene(
         fov=38,
     ),
     lights=[rm.Sun(direction=(1.2, 1.6, 1.1), color=(1, 0.93, 0.8), intensity=1.15, shadow=True)],
-    sky=rm.Sky(lambda d: mix(haze, vec3(0.22, 0.4, 0.72), max(d.y, 0.0))),
-    fog=rm.Fog(color=haze, density=0.004),
+    sky=rm.GradientSky(),
+    fog=rm.Fog(density=0.004),
 )

@@ -10,8 +10,9 @@ wall = rm.sphere(1.0).shell(0.09).translate((0, 1.05, 0))
 wall = wall - rm.box((3, 1.2, 3)).translate((0, 1.75, 0))
 foot = rm.cylinder(0.4, 0.14).translate((0, 0.07, 0))
 bowl = rm.union(wall, foot, k=0.15)
+floor = rm.plane().material(rm.Material(color=(0.1, 0.2, 0.25)))
 
 scene = rm.Scene(
-    bowl | rm.plane(),
+    bowl | floor,
     camera=rm.Camera(position=(1.6, 3.0, 5.6), target=(0, 0.55, 0), fov=30),
 )

@@ -1,7 +1,8 @@
 """Materials
 
 `.material(...)` paints a solid. `color` alone is a cheap Phong material; `albedo`, `roughness` and `metalness` select
-physical ones. A colour is linear RGB, a name of CSS, or a string such as `"#c86432"`.
+physical ones. A colour is linear RGB, a name of CSS, or a string such as `"#c86432"`. Metals reflect their
+surroundings: `GradientSky(light=True)` is a sky that they reflect, and that lights all surfaces.
 """
 
 import raymarch as rm
@@ -20,4 +21,5 @@ ball = rm.sphere(0.5).translate((0, 0.72, 0)).material(gold)
 scene = rm.Scene(
     bowl | ball | rm.plane().material(wood),
     camera=rm.Camera(position=(1.6, 3.0, 5.6), target=(0, 0.55, 0), fov=30),
+    sky=rm.GradientSky(light=True),
 )

@@ -22,4 +22,5 @@ scene = rm.Scene(
     bowl | ball | rm.plane().material(wood),
     camera=rm.Camera(position=(1.6, 3.0, 5.6), target=(0, 0.55, 0), fov=30),
     lights=[sun],
+    sky=rm.GradientSky(light=True),
 )

@@ -45,7 +45,7 @@ scene = rm.Scene(
     things | carpet | rm.plane(offset=-0.03).material(wood),
     camera=rm.Camera(position=(1.6, 3.0, 5.6), target=(0, 0.55, 0), fov=30),
     lights=[sun],
-    sky=rm.GradientSky(horizon=(0.5, 0.52, 0.55), zenith=(0.1, 0.2, 0.42), light=True),
+    sky=rm.GradientSky(light=True),
     occlusion=rm.AmbientOcclusion(reach=0.3),
     tone=rm.ToneMapping("aces", exposure=0.2),
 )

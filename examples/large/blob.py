@@ -23,7 +23,6 @@ def part(i):
 scene = rm.Scene(
     rm.union(*[part(i) for i in range(N)], k=0.25),
     camera=rm.Camera(position=(19, 22, 40), target=(0, 0, 0), fov=36),
-    lights=[rm.Sun(direction=(0.4, 0.9, 0.5), intensity=2.6, shadow=True)],
+    lights=[rm.Sun(direction=(0.4, 0.9, 0.5), shadow=True)],
     sky=rm.GradientSky(light=True),
-    tone=rm.ToneMapping("aces"),
 )

@@ -23,8 +23,7 @@ street = rm.plane().material(rm.Material(albedo=(0.09, 0.09, 0.1), roughness=0.9
 scene = rm.Scene(
     street | towers,
     camera=rm.Camera(position=(-9, 7, 26), target=(0, 0.5, 0), fov=40),
-    lights=[rm.Sun(direction=(0.8, 0.55, 0.3), intensity=3.0, color=(1.0, 0.92, 0.8), shadow=True)],
+    lights=[rm.Sun(direction=(0.8, 0.55, 0.3), intensity=1.3, color=(1.0, 0.92, 0.8), shadow=True)],
     sky=rm.GradientSky(light=True),
-    fog=rm.Fog((0.62, 0.7, 0.8), 0.005),
-    tone=rm.ToneMapping("aces"),
+    fog=rm.Fog(density=0.005),
 )

@@ -34,7 +34,7 @@ solids = [
     for row in range(4)
     for column, (form, color) in enumerate(zip(forms, colors, strict=True))
 ]
-floor = rm.plane(offset=-0.05).material(rm.Material(color=(0.5, 0.48, 0.45), specular=0.0))
+floor = rm.plane(offset=-0.05).material(rm.Material(color=(0.12, 0.2, 0.22), specular=0.0))
 
 scene = rm.Scene(
     rm.union(floor, *solids),

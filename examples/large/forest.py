@@ -45,6 +45,6 @@ scene = rm.Scene(
     ground | firs | broads | rocks,
     camera=rm.Camera(position=(0, 9, 60), target=(0, 1, 25)),
     lights=[rm.Sun(direction=(0.5, 0.6, 0.4), shadow=True)],
-    sky=rm.Sky((0.62, 0.74, 0.88)),
-    fog=rm.Fog((0.62, 0.74, 0.88), 0.003),
+    sky=rm.GradientSky(),
+    fog=rm.Fog(density=0.003),
 )

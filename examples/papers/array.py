@@ -31,9 +31,8 @@ def at(k):
 scene = rm.Scene(
     rm.union(*(at(k) for k in range(20))) | rm.plane().material(rm.Material(albedo=(0.5, 0.5, 0.52), roughness=0.8)),
     camera=rm.Camera(position=(0, 4.6, 7.6), target=(0, 0.25, 0.15), fov=27),
-    lights=[rm.Sun(direction=(-0.6, 1.4, 0.8), intensity=1.6, shadow=True)],
+    lights=[rm.Sun(direction=(-0.6, 1.4, 0.8), shadow=True)],
     sky=rm.GradientSky(light=True),
     occlusion=rm.AmbientOcclusion(reach=0.3),
-    fog=rm.Fog((0.75, 0.82, 0.9), 0.01),
-    tone=rm.ToneMapping("aces", exposure=0.2),
+    fog=rm.Fog(density=0.01),
 )

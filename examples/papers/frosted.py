@@ -18,7 +18,7 @@ for i, roughness in enumerate((0.0, 0.2, 0.35, 0.55)):
 scene = rm.Scene(
     rm.union(*solids),
     camera=rm.Camera((0.0, 1.5, 6.5), (0, 0.05, 0), fov=42),
-    lights=[rm.Sun((0.5, 1.0, 0.6), intensity=0.9, shadow=True)],
+    lights=[rm.Sun((0.5, 1.0, 0.6), shadow=True)],
     sky=rm.GradientSky(),
     bounces=8,
     quality=rm.Quality(samples=8),

@@ -22,9 +22,8 @@ solids = [
 scene = rm.Scene(
     rm.union(*solids) | rm.plane().material(tiles),
     camera=rm.Camera(position=(0.4, 1.9, 4.6), target=(-0.1, 0.45, 0), fov=38),
-    lights=[rm.Sun(direction=(-0.5, 1, 0.6), color=(1, 0.95, 0.85), intensity=0.9, shadow=True)],
+    lights=[rm.Sun(direction=(-0.5, 1, 0.6), shadow=True)],
     sky=rm.GradientSky(),
     bounces=8,
     quality=rm.Quality(samples=64),
-    tone=rm.ToneMapping("agx", exposure=0.4),
 )

@@ -24,10 +24,9 @@ solids = [
 scene = rm.Scene(
     rm.union(*solids) | rm.plane().material(stone),
     camera=rm.Camera(position=(0.2, 2.1, 4.8), target=(-0.15, 0.4, 0), fov=36),
-    lights=[rm.Sun(direction=(-0.5, 1, 0.6), color=(1, 0.95, 0.85), intensity=1.1, shadow=True)],
+    lights=[rm.Sun(direction=(-0.5, 1, 0.6), shadow=True)],
     sky=rm.GradientSky(light=True),
-    fog=rm.Fog((0.75, 0.82, 0.9), 0.015),
+    fog=rm.Fog(density=0.015),
     bounces=4,
     quality=rm.Quality(integrator="whitted", samples=4),
-    tone=rm.ToneMapping("aces", exposure=-0.3),
 )

@@ -40,6 +40,6 @@ scene = rm.Scene(
     camera=rm.Camera(position=(0.7, 2.9, 6.4), target=(0.15, 0.55, 0), fov=36),
     lights=lights,
     sky=dusk,
-    fog=rm.Fog(color=None, density=0.05),
+    fog=rm.Fog(density=0.05),
     tone=rm.ToneMapping("aces", exposure=0.3, dither=True),
 )

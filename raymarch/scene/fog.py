@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import ClassVar
 
 from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.convert import optional
 from raymarch.expr.node import Expr, var
 from raymarch.expr.types import FLOAT, VEC3
-from raymarch.expr.vocabulary import abs, exp, max, min, mix, where
+from raymarch.expr.vocabulary import abs, exp, max, min, mix, normalize, vec3, where
 from raymarch.scene.parameter import as_color, as_number, is_zero
 from raymarch.scene.sky import DIRECTION
 from raymarch.scene.value import Part, value
@@ -27,8 +28,8 @@ class Fog(Part):
 
     Parameters
     ----------
-    color : colour of the fog, linear RGB, each >= 0. None is the sky's radiance in the direction of the ray: far
-        surfaces fade into the sky, without a seam at the horizon.
+    color : colour of the fog, linear RGB, each >= 0. None is the sky's radiance in the direction of the ray, and of the
+        horizon for a ray that descends: far surfaces fade into the sky without a seam.
     density : extinction per unit of length, >= 0.
     falloff : rate per unit of length at which the density falls with the height y, >= 0: it is
         density * exp(-falloff * (y - height)). 0 is homogeneous fog.
@@ -49,7 +50,7 @@ class Fog(Part):
 
     def __init__(
         self,
-        color: ColorLike | None = (0.5, 0.65, 0.85),
+        color: ColorLike | None = None,
         density: Scalar = 0.05,
         falloff: Scalar = 0.0,
         height: Scalar = 0.0,
@@ -89,9 +90,10 @@ class Fog(Part):
         reach = where(change < SERIES, LENGTH * series, (1.0 - exp(-change)) / max(abs(rate), SMALLEST))
         return self.density * min(reach * exp(denser), 1e30)
 
-    def applied(self, sky: Expr) -> Expr:
-        """The radiance that arrives at ORIGIN of COLOR. sky : the sky's radiance in DIRECTION."""
-        return mix(sky if self.color is None else self.color, COLOR, exp(-self.optical_depth()))
+    def applied(self, sky: Callable[[Expr], Expr]) -> Expr:
+        """The radiance that arrives at ORIGIN of COLOR. sky : the sky's radiance in a direction."""
+        level = normalize(vec3(DIRECTION.x, max(DIRECTION.y, 0.0), DIRECTION.z) + 1e-9)
+        return mix(sky(level) if self.color is None else self.color, COLOR, exp(-self.optical_depth()))
 
 
 SERIES = 0.25

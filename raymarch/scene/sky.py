@@ -54,7 +54,7 @@ class Sky(Value):
     color: Expr
     light: bool
 
-    def __init__(self, color: ColorLike | Callable[[Expr], Operand] = (0.5, 0.65, 0.85), light: bool = False) -> None:
+    def __init__(self, color: ColorLike | Callable[[Expr], Operand] = (0.14, 0.26, 0.46), light: bool = False) -> None:
         self._set(light=switch(f"{type(self).__name__}: light", light), color=_radiance(color))
 
     def _identity(self) -> tuple[Any, ...]:
@@ -164,9 +164,9 @@ class GradientSky(Sky):
 
     def __init__(
         self,
-        zenith: ColorLike = (0.25, 0.45, 0.8),
-        horizon: ColorLike = (0.75, 0.82, 0.9),
-        ground: ColorLike = (0.3, 0.28, 0.25),
+        zenith: ColorLike = (0.07, 0.16, 0.38),
+        horizon: ColorLike = (0.5, 0.62, 0.75),
+        ground: ColorLike = (0.15, 0.15, 0.15),
         light: bool = False,
     ) -> None:
         top, rim, low = (
@@ -190,7 +190,8 @@ class SunSky(Sky):
     ----------
     direction : direction towards the sun, any length but 0. Its elevation is clamped to above the horizon.
     turbidity : amount of haze, from 2 (clear) to 10.
-    intensity : factor >= 0. At 1 the sky far from the sun has a brightness of about 0.5.
+    intensity : factor >= 0. At 1 a unit is 50 kilocandela per square metre: the sky far from the sun is about 0.15, and
+        a white floor under the sky and `sun()` about 0.4 at an elevation of 17 degrees, 1 at 50 and 1.25 at 90.
     ground : colour below the horizon, linear RGB, each >= 0.
     light : see `Sky`. It does not include the direct light of the sun: add `sun()` to the lights of the scene.
     """
@@ -203,9 +204,9 @@ class SunSky(Sky):
     def __init__(
         self,
         direction: Vec3Like = (0.5, 0.6, 0.7),
-        turbidity: Scalar = 3.0,
+        turbidity: Scalar = 2.0,
         intensity: Scalar = 1.0,
-        ground: ColorLike = (0.25, 0.23, 0.2),
+        ground: ColorLike = (0.15, 0.15, 0.15),
         light: bool = False,
     ) -> None:
         towards = as_direction("SunSky: direction", direction)
@@ -223,7 +224,7 @@ class SunSky(Sky):
     @checked
     def sun(
         self,
-        intensity: Scalar = 3.0,
+        intensity: Scalar = 1.2,
         shadow: bool = False,
         softness: Scalar = 0.0,
         penumbra: str = "two-sided",
@@ -299,7 +300,7 @@ _TO_RGB = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.05
 
 
 def _preetham(d: Expr, sun: Expr, haze: Expr) -> Expr:
-    """Radiance of the clear sky in linear RGB, in units of 20 kilocandela per square metre."""
+    """Radiance of the clear sky in linear RGB, in units of 50 kilocandela per square metre."""
     height = max(sun.y, 0.02)
     angle = acos(height)
     cosine = max(d.y, 0.01)
@@ -316,6 +317,6 @@ def _preetham(d: Expr, sun: Expr, haze: Expr) -> Expr:
         return (1.0 + f[0] * exp(f[1] / c)) * (1.0 + f[2] * exp(f[3] * g) + f[4] * cos_g * cos_g)
 
     values = [zenith[k] * perez(k, cosine, gamma, to_sun) / perez(k, expr(1.0), angle, cos(angle)) for k in range(3)]
-    bright, x, y = max(values[0], 0.0) * 0.05, values[1], max(values[2], 0.02)
+    bright, x, y = max(values[0], 0.0) * 0.02, values[1], max(values[2], 0.02)
     xyz = vec3(bright * x / y, bright, bright * (1.0 - x - y) / y)
     return min(max(vec3(*(dot(tuple(row), xyz) for row in _TO_RGB.tolist())), 0.0), 60.0)

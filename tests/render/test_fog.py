@@ -13,7 +13,7 @@ from raymarch.scene.fog import LENGTH, ORIGIN, SKY_DISTANCE
 from raymarch.scene.sky import DIRECTION
 from raymarch.shader import assemble
 
-SKY = rm.GradientSky((0.1, 0.2, 0.8), (0.9, 0.7, 0.5), (0.9, 0.7, 0.5))
+SKY = rm.GradientSky((0.1, 0.2, 0.8), (0.9, 0.7, 0.5), (0.1, 0.3, 0.2))
 MIRROR = rm.Material(albedo=(0.9, 0.9, 0.9), metalness=1, roughness=0)
 
 
@@ -43,13 +43,16 @@ def test_the_shader_and_the_reference_agree(name: str, egl: Context) -> None:
     # The closed form: exp(-density t) of the surface, and the rest of the sky in the direction of the ray.
     pose = scene.pose(rm.scene.parameter.Values({}), 4 / 3)
     directions = pose.directions(np.arange(40), np.arange(30)[:, None], (40, 30)).reshape(-1, 3)
-    sky = SKY.radiance_along(directions, rm.scene.parameter.Values({})).reshape(30, 40, 3)
+    level = directions * (1, 0, 1)
+    level = np.where(directions[:, 1:2] < 0, level / np.linalg.norm(level, axis=1, keepdims=True), directions)
+    sky, haze = (SKY.radiance_along(d, rm.scene.parameter.Values({})).reshape(30, 40, 3) for d in (directions, level))
     kept = np.exp(-0.2 * np.where(hit, depth, 0.0))[..., None]
-    assert np.abs(found - np.where(hit[..., None], without * kept + sky * (1 - kept), sky)).max() < 1e-4
+    assert np.abs(found - np.where(hit[..., None], without * kept + haze * (1 - kept), sky)).max() < 1e-4
 
 
 def test_path_tracing_has_it_too(egl: Context) -> None:
-    scene = scene_of(bounces=1, quality=rm.Quality(samples=2), fog=rm.Fog(None, 1e6))
+    level = rm.GradientSky((0.1, 0.2, 0.8), (0.9, 0.7, 0.5), (0.9, 0.7, 0.5))  # the horizon goes on below
+    scene = scene_of(bounces=1, quality=rm.Quality(samples=2), fog=rm.Fog(None, 1e6), sky=level)
     with rm.Renderer((20, 15), context=egl) as renderer:
         assert np.abs(renderer.render(scene).color - renderer.render(scene.replace(node=FAR)).color).max() < 1e-3
 
@@ -66,8 +69,8 @@ def test_there_is_no_seam_at_the_horizon(egl: Context) -> None:
 
 
 def test_it_shows_in_the_repr_and_is_a_value() -> None:
-    assert repr(rm.Fog(None, 0.1)) == "Fog(color=None, density=0.1)"
-    assert rm.Fog(None) != rm.Fog() and rm.Fog().replace(color=None) == rm.Fog(None)
+    assert repr(rm.Fog(None, 0.1)) == "Fog(density=0.1)" and rm.Fog() == rm.Fog(None)
+    assert rm.Fog(None) != rm.Fog((0, 0, 1)) and rm.Fog((0, 0, 1)).replace(color=None) == rm.Fog()
 
 
 # Fog whose density falls with the height

@@ -29,7 +29,9 @@ from raymarch.scene import (
 from raymarch.scene.images import read_image, write_exr
 from raymarch.scene.parameter import Values, set_values
 from raymarch.scene.sky import harmonics_at
+from raymarch.scene.tone import LUMINANCE
 from raymarch.sdf import box, plane, sphere
+from raymarch.sdf.node import Node
 from raymarch.truth import truth
 from tests.support.refusals import refused
 
@@ -96,6 +98,21 @@ def test_a_clear_sky_is_brightest_at_its_sun_and_bluer_away_from_it() -> None:
     assert isinstance(sky.sun(shadow=True), Sun)
     low, high = (np.ravel(NOW.of(SunSky((1, h, 0)).sun().color)) for h in (0.05, 5.0))
     assert low[2] / low[0] < 0.5 < high[2] / high[0]
+
+
+@pytest.mark.parametrize("sky", [GradientSky(light=True), SunSky(light=True), SunSky((0.5, 1, 0.7), light=True)])
+def test_the_defaults_have_the_contrast_of_daylight_and_do_not_clip(sky: Sky) -> None:
+    """The floor: 4 to 6 times as bright in the sun as in the shadow. A ball of albedo 0.8 is white where it faces the sun."""
+    sun = sky.sun() if isinstance(sky, SunSky) else Sun()
+    camera = Camera((2.0, 4.0, 3.0), (0, 0, 0))
+
+    def brightest(node: Node, lights: list[Sun]) -> float:
+        painted = node.material(Material(albedo=(0.8, 0.8, 0.8), roughness=1, f0=0))
+        made = truth(Scene(painted, camera=camera, lights=lights, sky=sky), (21, 21))
+        return float((made.color[made.hit] @ LUMINANCE).max())
+
+    assert 4.0 < brightest(plane(), [sun]) / brightest(plane(), []) < 6.0
+    assert 0.5 < brightest(plane(), [sun]) < 0.85 and brightest(sphere(), [sun]) < 1.02
 
 
 def test_the_time_of_day_may_be_a_parameter() -> None:

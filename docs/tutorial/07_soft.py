@@ -1,7 +1,7 @@
-"""Sky, soft shadows and corners
+"""Soft shadows and corners
 
-`GradientSky(light=True)` also lights the surfaces. `AmbientOcclusion` darkens this light in corners, and `softness`
-gives the sun a width, so its shadow gets softer with the distance. The tone curve keeps bright parts from clipping.
+`softness` gives the sun a width, so its shadow gets softer with the distance. `AmbientOcclusion` darkens the light of
+the sky in corners. A tone curve such as "aces" adds contrast, and keeps bright parts from clipping.
 """
 
 import raymarch as rm
@@ -26,7 +26,7 @@ scene = rm.Scene(
     bowl | ball | beads | rm.plane().material(wood),
     camera=rm.Camera(position=(1.6, 3.0, 5.6), target=(0, 0.55, 0), fov=30),
     lights=[sun],
-    sky=rm.GradientSky(horizon=(0.5, 0.52, 0.55), zenith=(0.1, 0.2, 0.42), light=True),
+    sky=rm.GradientSky(light=True),
     occlusion=rm.AmbientOcclusion(reach=0.3),
     tone=rm.ToneMapping("aces", exposure=0.2),
 )
