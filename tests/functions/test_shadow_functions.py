@@ -138,6 +138,24 @@ def test_a_ray_out_of_steps_is_lit_unless_it_comes_nearer(egl: Context) -> None:
     assert shadows(egl, "light/shadow", "0.05 - 0.00002 * p.z", UP, far=5000.0)[0] == 0.0
 
 
+def test_a_soft_shadow_out_of_steps_is_what_was_seen_unless_the_wall_comes_nearer(egl: Context) -> None:
+    """512 steps of 0.02 along a wall end at 10.24. The two-sided shadow continues the wall up to the light."""
+    end, width = 512 * 0.02, 0.1
+    beside = {kind: shadows(egl, kind, "0.02", UP, 100.0, width)[0] for kind in SOFT[:2]}
+    np.testing.assert_allclose(beside["light/cone"], 0.02 / (width * end), rtol=1e-4)
+    np.testing.assert_allclose(beside["light/triangulated"], np.sqrt(0.0003) / (width * (end - 0.01)), rtol=1e-4)
+    known = 0.02 / (1e-3 * 1000.0)
+    found = shadows(egl, "light/two_sided", "0.02", UP, 1000.0, 1e-3)[0]
+    np.testing.assert_allclose(found, 0.5 + (known * np.sqrt(1 - known**2) + np.arcsin(known)) / np.pi, atol=1e-3)
+    for kind, width in zip(SOFT, (0.1, 0.1, 1e-6), strict=True):
+        assert abs(shadows(egl, kind, "0.05 - 0.00002 * p.z", UP, 5000.0, width)[0]) <= 8 * ULP  # asin rounds
+
+
+def test_a_disc_without_width_has_an_edge(egl: Context) -> None:
+    """The field is 0 along the edge: half of the light is seen, however thin the disc."""
+    np.testing.assert_allclose(shadows(egl, "light/two_sided", "p.x", UP, width=0.0)[0], 0.5, rtol=8 * ULP)
+
+
 @pytest.mark.parametrize("kind", SOFT)
 def test_a_wall_along_the_ray_takes_what_it_covers(egl: Context, kind: str) -> None:
     """A wall at h from the ray: its clearance over the disc's radius falls to h / (width far) at the light, which

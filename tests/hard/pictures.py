@@ -21,7 +21,7 @@ from raymarch import glsl
 from raymarch.gpu import Renderer
 from raymarch.scene import load
 from tests.hard.rows_far import HELLO, displaced
-from tests.lab.seeded import SEEDED, spoil
+from tests.lab.seeded import reads
 
 SIZE = (180, 120)
 FOLDER = Path(__file__).parents[2] / "docs" / "pictures"
@@ -210,17 +210,10 @@ def histories() -> Iterator[Pair]:
 def without(module: str, code: str, text: str) -> Callable[[], AbstractContextManager[object]]:
     """A context in which a piece of code of a GLSL module is replaced by a text."""
 
-    @contextmanager
-    def spoiled() -> Iterator[None]:
-        lines = glsl.load(module, SEEDED).lines
-        line = next(i for i, found in enumerate(lines) if code in found and not found.startswith("//"))
-        load = spoil(module, line, lines[line].replace(code, text))
-        try:
-            yield
-        finally:
-            glsl.load = load
-
-    return spoiled
+    file = Path(glsl.__file__).parent / f"{module}.glsl"
+    lines = file.read_text(encoding="utf-8").split("\n")
+    number = next(i for i, found in enumerate(lines, 1) if code in found and not found.startswith("//"))
+    return lambda: reads(file, number, lines[number - 1].replace(code, text))
 
 
 def drawn(pair: Pair, size: tuple[int, int] = SIZE) -> tuple[Image.Image, Image.Image]:

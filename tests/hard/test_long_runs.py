@@ -1,11 +1,16 @@
-"""Samples of what runs for long as a command: watertight solids, a soak, and the tests on seeded faults."""
+"""Samples of what runs for long as a command: watertight solids, a soak, and seeded faults."""
 
 from __future__ import annotations
 
+import ast
+import sys
+
 import pytest
 
+from raymarch import glsl
 from tests.hard.world import World
-from tests.lab.seeded import FUNCTIONS, ROOT, TESTS, files_on_functions
+from tests.lab import glsl_faults
+from tests.lab.seeded import reads, replace_code, tree_of
 from tests.lab.soak import soak
 from tests.lab.watertight import Count, shoot
 
@@ -25,7 +30,21 @@ def test_nothing_grows(world: World) -> None:
     assert after.files <= before.files
 
 
-def test_the_tests_on_seeded_faults_exist() -> None:
-    for folder in FUNCTIONS:
-        for file in (*TESTS[folder], *files_on_functions(folder)):
-            assert (ROOT / "tests" / file).is_file(), file
+def test_a_seeded_fault_is_read_while_it_lasts() -> None:
+    fault = next(glsl_faults.faults_of("march/enclosing"))
+    before = glsl.load(fault.module).lines
+    with reads(fault.file, fault.number, fault.text):
+        spoiled = glsl.load(fault.module).lines
+    assert spoiled != before and spoiled[fault.number - 1] == fault.text
+    assert glsl.load(fault.module).lines == before
+
+
+def test_a_function_gets_the_code_of_another_tree() -> None:
+    tree = tree_of(sys.modules[__name__])
+    next(value for value in ast.walk(tree) if isinstance(value, ast.Constant) and value.value == 41).value = 42
+    replace_code(sys.modules[__name__], tree, ["to_spoil"])
+    assert to_spoil() == 42
+
+
+def to_spoil() -> int:
+    return 41

@@ -1,102 +1,112 @@
-"""Seeds faults into the hand-written GLSL, one at a time, and counts how many the suite notices.
+"""Seeds faults into the hand-written GLSL, one at a time, and counts how many the tests notice.
 
-python -m tests.lab.glsl_faults               # all that docs/figures/glsl_faults.json does not hold yet, hours in all
+python -m tests.lab.glsl_faults               # all that docs/figures/glsl_faults.json does not hold: an hour at most
+python -m tests.lab.glsl_faults --anew        # all
 python -m tests.lab.glsl_faults march/refine  # of some modules, anew
-python -m tests.lab.glsl_faults --functions   # by the functions alone, some minutes; leaves the ledger as it is
+python -m tests.lab.glsl_faults --missed      # those that nothing noticed, anew
+python -m tests.lab.glsl_faults --functions   # asks the tests of functions alone, and records what they notice
+python -m tests.lab.glsl_faults --uses FILE   # keep in a file what the tests draw with, or take it from there
 
 A fault takes out what somebody could forget: a clamp or floor (max, min, clamp), a guard (a line that returns, breaks
 or goes on), a choice (one branch of `? :` for both), an absolute value, an offset (a factor of epsilon), or a reset.
-Functions alone are asked first, at the ends of their ranges (tests/functions); then the hard cases of its folder are
-looked at, then the tests. Told apart is what changes no bit of any frame of the cases and fails no test.
+Conditional lines have faults too. The tests that draw with the line are asked, those of single functions first
+(tests/functions). A fault that no test notices changes no bit of any array that the tests read ("unchanged"), or some
+("missed"). The ledger names a fault by its module and its line's text, and says why some are none ("none").
 """
 
 from __future__ import annotations
 
 import json
+import random
 import re
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-import raymarch as rm
-from raymarch import glsl
-from raymarch.truth import silhouettes
-from tests.hard.table import cases
-from tests.hard.world import World
-from tests.lab.fuzz import faults as unexplained
 from tests.lab.long_runs import keep
-from tests.lab.seeded import SEEDED, by_functions, by_tests, spoil
-from tests.lab.watertight import solid
-from tests.render.test_render_shading import EXACT, SOFT
-from tests.support.shader_samples import scenes
+from tests.lab.seeded import FOLDERS, PACKAGE, ROOT, Bench, arguments, calls, code_of, reads, run
 
-LOOK = (80, 60)
-LEDGER = Path(__file__).parents[2] / "docs" / "figures" / "glsl_faults.json"
-MODULES = ("march", "light", "normal", "view", "path", "sky", "temporal", "probe")
-ROWS = {
-    "march": (1, 3, 27, 58, 54, 55, 2, 46, 56, 23, 47, 5, 35, 57, 29, 61),
-    "light": (38, 41, 29, 39, 40, 35, 59),
-    "normal": (31, 5, 6),
-    "view": (44, 42, 43, 45, 46, 50, 54),
-    "path": (30,),
-    "sky": (39,),
-    "temporal": (44, 42, 43, 45),
-    "probe": (),
-}
-"""The rows that look at a folder of modules, those most likely to notice first."""
+LEDGER = ROOT / "docs" / "figures" / "glsl_faults.json"
+FOLDER = PACKAGE / "glsl"
+UNNOTICED = ("unchanged", "missed", "no test draws with it")
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A line of a module in a spoiled form."""
+    """A line of a module in a spoiled form. number : of the line in the file, from 1; `same` : how many equal lines of
+    the module with the same fault are above it."""
 
     module: str
-    line: int
+    number: int
+    line: str
     kind: str
     text: str
+    same: int = 0
+
+    @property
+    def name(self) -> str:
+        """What the ledger calls it: no number of a line, which others move."""
+        again = f" ({self.same + 1})" if self.same else ""
+        return f"{self.module}{again}: {self.kind}: {code_of(self.line)} -> {code_of(self.text) or 'nothing'}"
+
+    @property
+    def file(self) -> Path:
+        return file_of(self.module)
+
+    @property
+    def before(self) -> str:
+        """The line as a shader has it, without its comment."""
+        return code_of(self.line)
 
 
-def faults_of(name: str) -> Iterator[Fault]:
+def file_of(module: str) -> Path:
+    """The file of a module, or of a template, "shader/path"."""
+    template = PACKAGE / f"{module}.glsl"
+    return template if template.exists() else FOLDER / f"{module}.glsl"
+
+
+def modules() -> list[str]:
+    """All modules, and the templates of raymarch/shader."""
+    found = [str(f.relative_to(FOLDER).with_suffix("")) for f in FOLDER.rglob("*.glsl")]
+    return sorted(found) + sorted(f"shader/{f.stem}" for f in (PACKAGE / "shader").glob("*.glsl"))
+
+
+def lines_of(module: str) -> list[str]:
+    return file_of(module).read_text(encoding="utf-8").rstrip("\n").split("\n")
+
+
+def faults_of(module: str) -> Iterator[Fault]:
     """All faults of a module."""
-    for i, line in enumerate(glsl.load(name, SEEDED).lines):
-        code = line.partition("//")[0]
-        if not code.strip() or code.startswith(("const", "uniform", "struct", "layout")):
+    seen: Counter[str] = Counter()
+    for number, line in enumerate(lines_of(module), 1):
+        code = line.partition("//")[0].rstrip()
+        if not code.strip() or code.startswith(("#", "const", "uniform", "struct", "layout")):
             continue
-        for call in ("max", "min", "clamp"):
-            for spoiled in _without(code, call):
-                yield Fault(name, i, call, spoiled)
-        for match in re.finditer(r"\babs\(", code):
-            yield Fault(name, i, "abs", code[: match.start()] + code[match.end() - 1 :])
-        if re.match(r"\s+if \(.*\) (return|break|continue|\w+ = ).*;$", code.rstrip()):
-            yield Fault(name, i, "guard", "")
-        for spoiled in _chosen(code):
-            yield Fault(name, i, "choice", spoiled)
-        if "epsilon(" in code and "2.0 *" in code:
-            yield Fault(name, i, "offset", code.replace("2.0 *", "0.0 *"))
-        if re.match(r"\s+(slope = at\.slope = UNDONE|at\.passing = true|slope = 0\.0|\w+ = vec4\(0\.0\));", code):
-            yield Fault(name, i, "reset", "")
+        for kind, spoiled in dict.fromkeys(spoiled_lines(code)):
+            fault = Fault(module, number, line, kind, spoiled)
+            yield Fault(module, number, line, kind, spoiled, seen[fault.name])
+            seen[fault.name] += 1
 
 
-def _without(code: str, call: str) -> Iterator[str]:
-    """The line with the first argument alone in place of a call, once for each call."""
-    for match in re.finditer(rf"\b{call}\(", code):
-        depth, start, first = 0, match.end(), None
-        for k in range(start, len(code)):
-            if code[k] == "(":
-                depth += 1
-            elif code[k] == ")" and depth == 0:
-                if first is not None:
-                    yield code[: match.start()] + "(" + first + ")" + code[k + 1 :]
-                break
-            elif code[k] == ")":
-                depth -= 1
-            elif code[k] == "," and depth == 0 and first is None:
-                first = code[start:k]
+def spoiled_lines(code: str) -> Iterator[tuple[str, str]]:
+    """The kinds of faults of a line, each with the line that has it."""
+    for call in ("max", "min", "clamp"):
+        for match in calls(code, call):
+            given, end = arguments(code, match.end())
+            yield call, f"{code[: match.start()]}({given[0]}){code[end + 1 :]}"
+    for match in calls(code, "abs"):
+        yield "abs", code[: match.start()] + code[match.end() - 1 :]
+    if re.match(r"\s+if \(.*\) (return|break|continue|\w+ = ).*;$", code):
+        yield "guard", ""
+    for spoiled in _chosen(code):
+        yield "choice", spoiled
+    if "epsilon(" in code and "2.0 *" in code:
+        yield "offset", code.replace("2.0 *", "0.0 *")
+    if re.match(r"\s+(slope = at\.slope = UNDONE|at\.passing = true|slope = 0\.0|\w+ = vec4\(0\.0\));", code):
+        yield "reset", ""
 
 
 def _chosen(code: str) -> Iterator[str]:
@@ -125,121 +135,86 @@ def _end(code: str, at: int, step: int) -> int:
     return at
 
 
-class seeded:
-    """While it lasts, a module has the fault."""
-
-    def __init__(self, fault: Fault) -> None:
-        self.fault = fault
-
-    def __enter__(self) -> None:
-        self.original = spoil(self.fault.module, self.fault.line, self.fault.text)
-
-    def __exit__(self, *_: object) -> None:
-        glsl.load = self.original
-
-
-@cache
-def right(part: str) -> int:
-    """The digest of all frames that the rows of a folder draw while nothing is wrong."""
-    found, digest = _looked_at(part)
-    assert not found, found
-    return digest
-
-
-def verdict(fault: Fault) -> str:
-    """By what a fault is noticed; "missed", or "none" where every frame stayed as it was, bit for bit."""
-    part = fault.module.partition("/")[0]
-    expected = right(part)
-    with seeded(fault), np.errstate(all="ignore"):
-        found, digest = _looked_at(part)
-    return found or ("none" if digest == expected else "missed")
-
-
-def _looked_at(part: str) -> tuple[str, int]:
-    """What is broken in the rows of a folder, or in three random scenes; and the digest of the frames."""
-    wanted = ROWS[part]
-    chosen = sorted((case for case in cases() if case.row in wanted), key=lambda case: wanted.index(case.row))
-    with World() as world:
-        try:
-            for case in chosen:
-                broken = next((f.quantity for f in case.measure(world) if not f.holds), None)
-                if broken:
-                    return f"{case.id}: {broken}", 0
-            for name in looks() if part == "light" else ():
-                if _is_off(world, looks()[name]):
-                    return f"against the truth: {name}", 0
-            wrong = [what for seed in (3, 4, 5) for what in unexplained(world, solid(seed), seed)]
-        except Exception as error:
-            return f"{type(error).__name__}", 0
-        return (wrong[0] if wrong else ""), world.digest
-
-
-@cache
-def looks() -> dict[str, rm.Scene]:
-    """Scenes of all models, lamps, skies and penumbras."""
-    return {name: scenes()[name] for name in (*EXACT, *SOFT)}
-
-
-@cache
-def truth_of(scene: rm.Scene) -> Any:
-    return rm.truth(scene, LOOK)
-
-
-def _is_off(world: World, scene: rm.Scene) -> bool:
-    """Colours that differ from the truth, silhouettes and a share for penumbras apart."""
-    known = truth_of(scene)
-    found = world.draw(scene, LOOK, ("color",)).color
-    off = (np.abs(found - known.color) / np.maximum(known.color, 1.0)).max(axis=-1)[~silhouettes(known)]
-    return not (np.mean(off > 1 / 255) < 0.05 and np.mean(off > 0.05) < 0.01)
-
-
-def ledger() -> dict[str, str]:
-    """What noticed each fault so far: "missed" for nothing, "none" for nothing because no frame has changed."""
-    return dict(json.loads(LEDGER.read_text(encoding="utf-8"))) if LEDGER.exists() else {}
-
-
-def named(fault: Fault) -> str:
-    code = fault.text.strip() or f"without: {glsl.load(fault.module, SEEDED).lines[fault.line].strip()}"
-    return f"{fault.module}:{fault.line + 1} {fault.kind}: {code}"
-
-
 def every(names: list[str]) -> list[Fault]:
     """The faults of some modules, of all if none is named."""
-    folder = Path(glsl.__file__).parent
-    names = names or sorted(f"{f.parent.name}/{f.stem}" for part in MODULES for f in folder.glob(f"{part}/*.glsl"))
-    return [fault for name in names for fault in faults_of(name)]
+    return [fault for name in names or modules() for fault in faults_of(name)]
 
 
-def counts(known: dict[str, str]) -> tuple[int, int, int]:
-    """How many were noticed, changed nothing, and were missed."""
-    none = sum(found == "none" for found in known.values())
-    missed = sum(found in ("missed", "not by functions") for found in known.values())
-    return len(known) - none - missed, none, missed
+def drawing(bench: Bench, fault: Fault) -> list[str]:
+    """The tests that draw with the line of a fault, in the order in which they are asked."""
+    first, template = lines_of(fault.module)[0], fault.module.startswith("shader/")
+    plain = [line for line in lines_of(fault.module) if line.strip() and "$" not in line and line[0] != "#"]
+
+    def holds(lines: frozenset[str]) -> bool:
+        if not template:
+            return first in lines and fault.line in lines
+        near = sum(line in lines for line in plain) > 0.3 * len(plain)
+        return near and ("$" in fault.line or fault.line in lines)
+
+    return bench.ordered(bench.drawing(holds), fault.module)
 
 
-def main(arguments: list[str]) -> int:
-    names = [name for name in arguments if not name.startswith("-")]
-    known = {} if "--functions" in arguments else ledger()
-    for fault in every(names):
-        if named(fault) in known and not names:
-            continue
-        found = by_functions(fault.module, fault.line, fault.text)
-        if not found and "--functions" not in arguments:
-            found = verdict(fault)
-        if found in ("missed", "none"):
-            found = by_tests(fault.module, fault.line, fault.text) or found
-        found = found or "not by functions"
-        known[named(fault)] = found
-        print(f"{named(fault)} -> {found}", flush=True)
-        if "--functions" not in arguments:
-            known = {name: known[name] for name in map(named, every([])) if name in known}  # those of older texts go
-            LEDGER.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
-    noticed, none, missed = counts(known)
-    if "--functions" not in arguments:
-        figures = {"of the faults that can be seeded": len(every([])), "tried": len(known), "noticed": noticed}
-        keep("glsl_faults", **figures, **{"change no bit of any frame": none, "missed": missed})
-    print(f"{noticed} of {noticed + missed} noticed; {none} more change no bit of any frame")
-    return 0 if noticed >= 0.95 * (noticed + missed) else 1
+def verdict(bench: Bench, fault: Fault) -> str:
+    """The test that notices a fault, or a word of UNNOTICED."""
+    names = drawing(bench, fault)
+    if not names:
+        return "no test draws with it"
+
+    def seed() -> Any:
+        spoiled = reads(fault.file, fault.number, fault.text)
+        spoiled.__enter__()
+        return spoiled
+
+    found = bench.verdict(seed, names)
+    bench.note(fault.module, found)
+    return found
+
+
+def ledger() -> dict[str, dict[str, str]]:
+    """What noticed each fault, or a word of UNNOTICED; and why a fault is none, for some that nothing notices."""
+    return dict(json.loads(LEDGER.read_text(encoding="utf-8")))
+
+
+def counts(known: dict[str, dict[str, str]]) -> tuple[int, int, int]:
+    """How many faults were noticed, are none, and are missed."""
+    unnoticed = [name for name, found in known["noticed"].items() if found in UNNOTICED]
+    none = sum(name in known["none"] for name in unnoticed)
+    return len(known["noticed"]) - len(unnoticed), none, len(unnoticed) - none
+
+
+def wanted(given: list[str]) -> list[Fault]:
+    """The faults that the arguments ask for, always in the same random order: what a part of a run asks is a sample."""
+    known, faults = ledger(), every([name for name in given if not name.startswith("-")])
+    random.Random(1).shuffle(faults)
+    if "--missed" in given:
+        faults = [fault for fault in faults if known["noticed"].get(fault.name, "missed") in UNNOTICED]
+        return [fault for fault in faults if fault.name not in known["none"]]
+    new = "--anew" in given or any(not name.startswith("-") for name in given)
+    return [fault for fault in faults if new or fault.name not in known["noticed"]]
+
+
+def main(given: list[str]) -> int:
+    uses = Path(given.pop(given.index("--uses") + 1)) if "--uses" in given else None
+    functions_alone, faults, present = "--functions" in given, wanted(given), every([])
+
+    def work(bench: Bench) -> None:
+        known = ledger()
+        for fault in faults:
+            found = verdict(bench, fault)
+            print(f"{fault.name} => {found}", flush=True)
+            if found in UNNOTICED and functions_alone:
+                continue
+            known["noticed"][fault.name] = found
+            kept = {what: {f.name: of[f.name] for f in present if f.name in of} for what, of in known.items()}
+            LEDGER.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+
+    if faults:
+        run(work, FOLDERS[:1] if functions_alone else FOLDERS, uses)
+    seen, none, missed = counts(ledger())
+    figures = {"faults that can be seeded": len(present), "tried": seen + none + missed, "noticed": seen}
+    keep("glsl_faults", **figures, **{"no faults: they change nothing": none, "missed": missed})
+    print(f"{seen} of {seen + missed} noticed; {none} more are none; of {len(present)} that can be seeded")
+    return 0 if seen >= 0.99 * (seen + missed) else 1
 
 
 if __name__ == "__main__":
