@@ -108,9 +108,14 @@ TRACERS: Mapping[str, tuple[str, ...]] = {
 
 
 def text_of(
-    tracer: str, settle: str = "refine", after: str = AFTER, scale: float = 1.0, trace: tuple[str, ...] = ("trace",)
+    tracer: str,
+    settle: str = "refine",
+    after: str = AFTER,
+    scale: float = 1.0,
+    trace: tuple[str, ...] = ("trace",),
+    variants: frozenset[str] = frozenset(),
 ) -> str:
-    """The functions of a tracer, on the field of a profile."""
+    """The functions of a tracer, on the field of a profile. variants : as of `raymarch.glsl.load`."""
     constants = CONSTANTS.format(
         relaxation=0.88 if tracer == "enhanced" else 1.6,
         again="true" if tracer == "relaxed_again" else "false",
@@ -120,7 +125,7 @@ def text_of(
     start = "start" if tracer in ("plain", "varied", "bracketing") else "start_published"
     names = ("widths", "hit", "distance", start, settle, "on_exhausted")
     whole = (*(f"march/{name}" for name in names), *TRACERS[tracer], *(f"march/{name}" for name in trace))
-    return modules(*whole, before=FIELD + constants, after=after)
+    return modules(*whole, before=FIELD + constants, after=after, variants=variants)
 
 
 @dataclass(frozen=True)

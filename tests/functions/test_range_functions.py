@@ -102,6 +102,54 @@ def test_the_widths_of_a_ray_bound_a_fraction_of_a_pixel_and_rounding(egl: Conte
                 assert np.all(reach <= (width * pixel * t + 4 * ULP * largest) * (1 + 1e-5))
 
 
+def test_the_widths_of_an_orthographic_ray_are_a_fraction_of_a_pixel_and_rounding(egl: Context) -> None:
+    """As above, but that the fraction of a pixel is the same at each distance."""
+    after = "vec3 widths(vec3 o, vec3 d) { return hit_widths(Ray(o, d)); }"
+    orthographic = frozenset({"ORTHOGRAPHIC"})
+    text = modules("march/widths", before=STRUCT + CONSTANTS, after=after, variants=orthographic)
+    largest = np.repeat([1e-3, 7.0, 1e6], 6)
+    origins = largest[:, None] * np.tile(np.vstack([np.eye(3), -np.eye(3)]), (3, 1))
+    for pixel in (PIXEL, 0.0):
+        inputs = [(VEC3, origins), (VEC3, np.roll(origins, 1, axis=1))]
+        found = run(egl, text, "widths({0}, {1})", inputs, 3, {"u_pixel": pixel})
+        np.testing.assert_allclose(found[:, 0], 4 * ULP, rtol=8 * ULP)
+        for column, share in ((1, NEAR), (2, NEAR * SHARE)):
+            np.testing.assert_allclose(found[:, column], share * pixel + 4 * ULP * largest, rtol=8 * ULP)
+    text = modules("march/widths", "march/nearness", before=STRUCT + CONSTANTS, variants=orthographic)
+    for t, known in ((0.0, NEAR * PIXEL), (9.0, NEAR * PIXEL), (1e6, 4e6 * ULP)):
+        found = run(
+            egl, text, "nearness({0}, {1}, 0.1)", [(VEC3, np.zeros((1, 3))), (FLOAT, [t])], 1, {"u_pixel": PIXEL}
+        )
+        np.testing.assert_allclose(found, known, rtol=8 * ULP)
+
+
+@pytest.mark.parametrize("kind", ["scaled", "varied"])
+def test_a_scaled_step_is_at_least_an_ulp_of_the_way(egl: Context, kind: str) -> None:
+    """A step back, from inside, is as long as it is deep."""
+    constants = "const float step_scale = 1e-6;\nconst float step_variation = 0.0;\n"
+    random = "float random_of_pixel(int k) { return 0.5; }\n"
+    text = modules("march/widths", f"march/safe_step_{kind}", before=STRUCT + CONSTANTS + constants + random)
+    r, t = np.array([1e-3, 1e-3, 1e-9, 0.0, -1e-3, -1e-9]), np.array([0.0, 5.0, 5.0, 5.0, 5.0, 5.0])
+    known = np.where(r > 0, np.maximum(1e-6 * r, 2 * ULP * t), 1e-6 * r)
+    np.testing.assert_allclose(run(egl, text, "safe_step({0}, {1})", [(FLOAT, r), (FLOAT, t)]), known, rtol=8 * ULP)
+
+
+def test_a_range_that_encloses_two_holds_both(egl: Context) -> None:
+    text = modules("march/enclosing")
+    cases = [((1, 4), (2, 3), (1, 4)), ((2, 3), (1, 4), (1, 4)), ((1, 2), (3, 4), (1, 4)), ((1, 2), (1, 0), (1, 2))]
+    a, b, known = (np.array([case[k] for case in cases], float) for k in range(3))
+    np.testing.assert_array_equal(run(egl, text, "enclosing({0}, {1})", [(VEC2, a), (VEC2, b)], 2), known)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_each_axis_of_a_box_cuts_a_range(egl: Context, axis: int) -> None:
+    """A ray that is fast along an axis leaves there first, and one that is slow along it enters there last."""
+    ray = f"Ray(vec3(-2.0), vec3({', '.join('{1}' if k == axis else '{2}' for k in range(3))}))"
+    call = f"clip_to_box({ray}, {{0}}, vec3(-1.0), vec3(1.0))"
+    inputs = [(VEC2, [(0.0, FAR)] * 2), (FLOAT, [2.0, 1.0]), (FLOAT, [1.0, 2.0])]
+    np.testing.assert_allclose(run(egl, CLIP, call, inputs, 2), [[1.0, 1.5]] * 2, rtol=8 * ULP)
+
+
 @pytest.mark.parametrize(("name", "share"), [("epsilon", 1.0), ("contact", SHARE)])
 def test_near_a_surface_is_a_fraction_of_a_pixel_but_no_less_than_rounding(
     egl: Context, name: str, share: float

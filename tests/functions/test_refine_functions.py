@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from raymarch.expr.types import FLOAT, VEC4
+from raymarch.glsl import VARIANTS
 from raymarch.gpu.context import Context
 from tests.functions.profiles import CONTACT, NEAR, PIXEL, Profiles, contact, deepest, text_of
 from tests.support.glsl_harness import run
@@ -31,13 +32,18 @@ MANY = 3000
 
 
 def _settled(
-    egl: Context, kind: str, of: Profiles, slope: NDArray[np.float64], start: str = REFINING
+    egl: Context,
+    kind: str,
+    of: Profiles,
+    slope: NDArray[np.float64],
+    start: str = REFINING,
+    variants: frozenset[str] = frozenset(),
 ) -> NDArray[np.float64]:
     """Distance, residual, found, evaluations, furthest, twice at a place, done, counted evaluations: (8, N)."""
     inputs = [*((VEC4, given) for given in of.halves()), (FLOAT, slope)]
     uniforms = {"u_pixel": PIXEL, "u_side": 1.0, "u_start": (0.0, 0.0, 0.0, 0.0), "march_steps": 512}
     call = "settled({{0}}, {{1}}, {{2}}, {{3}}, {{4}}, {}.0)"
-    text = text_of("plain", kind, AFTER.replace("BEGIN", start))
+    text = text_of("plain", kind, AFTER.replace("BEGIN", start), variants=variants)
     found = [run(egl, text, call.format(part), inputs, 4, uniforms) for part in (0, 1)]
     return np.hstack(found).T.astype(float)
 
@@ -61,12 +67,15 @@ def _random(rng: np.random.Generator) -> tuple[Profiles, NDArray[np.float64]]:
     return of, told
 
 
-def test_what_is_settled_is_met_and_nothing_gets_worse(egl: Context) -> None:
+@pytest.mark.parametrize("camera", ["perspective", "ORTHOGRAPHIC"])
+def test_what_is_settled_is_met_and_nothing_gets_worse(egl: Context, camera: str) -> None:
+    """Orthographic widths are those of distance 1 everywhere."""
+    variants, alike = frozenset({camera}) & VARIANTS, camera == "ORTHOGRAPHIC"
     of, told = _random(np.random.default_rng(1))
-    t, residual, found, asked, _, _, done, evaluations = _settled(egl, "refine", of, told)
-    hit = (found == 1) & (done == 1)
-    assert np.all(residual[hit] <= contact(t)[hit])
-    assert np.all(np.abs(of.at(t))[hit] <= deepest(t)[hit])
+    t, residual, found, asked, _, _, done, evaluations = _settled(egl, "refine", of, told, variants=variants)
+    hit, wide = (found == 1) & (done == 1), np.ones(MANY) if alike else t
+    assert np.all(residual[hit] <= contact(wide)[hit])
+    assert np.all(np.abs(of.at(t))[hit] <= deepest(wide)[hit])
     assert np.all(asked == evaluations)
     outside = of.at(np.ones(MANY)) > 0
     assert np.mean(done[outside]) > 0.99

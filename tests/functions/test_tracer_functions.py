@@ -11,7 +11,19 @@ import pytest
 
 from raymarch.gpu.context import Context
 from tests.functions.fields import FAR, MANY, assert_true, everything
-from tests.functions.profiles import CONTACT, NEAR, PIXEL, TRACED, TRACERS, Profiles, contact, march, plane, text_of
+from tests.functions.profiles import (
+    CONTACT,
+    NEAR,
+    PIXEL,
+    ROUNDING,
+    TRACED,
+    TRACERS,
+    Profiles,
+    contact,
+    march,
+    plane,
+    text_of,
+)
 
 LONG = ("enhanced", "auto_relaxed", "bracketing")
 """The tracers whose steps go to where the spheres touch."""
@@ -126,6 +138,26 @@ def test_plain_steps_on_an_estimate_are_never_taken_back(egl: Context, scale: fl
     got = march(egl, text_of("plain", scale=scale), of, far=FAR)
     assert np.all(got.done & got.found) and np.all(got.fallbacks == 0)
     assert np.all(np.abs(of.at(got.t)) <= contact(got.t)) and np.all(got.residual >= 0)
+
+
+@pytest.mark.parametrize("tracer", ["plain", "bracketing"])
+def test_the_widths_of_an_orthographic_ray_do_not_grow(egl: Context, tracer: str) -> None:
+    """A plane is looked for within a tenth of a pixel at each distance, and met within a sixteenth of that. A ray out
+    of steps has hit it within a pixel."""
+    slope = np.tile(np.linspace(0.2, 0.98, 100), 4)
+    of = plane(-slope, np.repeat([1e-2, 0.3, 3, 30], 100))
+    text = text_of(tracer, variants=frozenset({"ORTHOGRAPHIC"}))
+    got = march(egl, text, of, far=400.0)
+    assert np.all(got.found & got.done)
+    rounding = 8 * ROUNDING * (1 + of.root())
+    assert np.all(np.abs(of.at(got.t)) <= CONTACT + rounding)
+    assert np.all(got.residual <= CONTACT + rounding)
+    if tracer == "plain":
+        plain = 1 + np.ceil(np.log(NEAR / of.values[:, 0]) / np.log1p(-slope))
+        assert np.all(np.abs(got.evaluations - plain - 1) <= 3)
+        out = march(egl, text, of, far=400.0, steps=4)
+        assert np.all(out.found[~out.done] == (out.residual < PIXEL)[~out.done])
+        assert 0.02 < np.mean(out.found[~out.done]) < 0.9
 
 
 PASSES = """
