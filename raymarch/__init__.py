@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from raymarch.cluster.frames import render_frames as render_frames
     from raymarch.errors import *
     from raymarch.export import export as export
+    from raymarch.export import triangulate as triangulate
     from raymarch.export.notebook import show as show
     from raymarch.expr.maths import *
     from raymarch.gpu import Frame as Frame
@@ -45,7 +46,7 @@ _SEARCHED = ("raymarch.errors", "raymarch.expr.maths", "raymarch.sdf", "raymarch
 
 _MODULES = {
     "raymarch.cluster.frames": "render_frames",
-    "raymarch.export": "export",
+    "raymarch.export": "export triangulate",
     "raymarch.export.notebook": "show",
     "raymarch.gpu": "Frame Renderer render",
     "raymarch.gpu.probe": "Probe probe",

@@ -24,6 +24,7 @@ __all__ = [
     "RenderError",
     "RenderWarning",
     "SceneError",
+    "SceneWarning",
     "ShaderError",
 ]
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 import select
 import stat
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
@@ -74,16 +75,50 @@ def parse_settings(settings: Sequence[str]) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for setting in settings:
         name, equals, text = setting.partition("=")
-        try:
-            numbers = [float(part) for part in text.split(",")]
-        except ValueError:
-            numbers = []
+        numbers = _numbers(text)
         if not equals or not numbers:
-            raise CommandError(
-                f"--set {setting}", legal="NAME=VALUE, where VALUE is a number or several numbers: 1,0.5,0"
-            )
+            swept = equals and all(map(_numbers, text.split(":")))
+            legal = "NAME=VALUE, where VALUE is a number or several numbers: 1,0.5,0"
+            what = "; NAME=A:B for the frames of `raymarch render --frames` only" if swept else ""
+            raise CommandError(f"--set {setting}", legal=legal + what)
         values[name.strip()] = numbers[0] if len(numbers) == 1 else tuple(numbers)
     return values
+
+
+Sweep = Callable[[float], dict[str, Any]]
+"""The values of the parameters that change from frame to frame, at a share of the frames from 0 to 1."""
+
+
+def parse_sweeps(settings: Sequence[str]) -> tuple[dict[str, Any], Sweep | None]:
+    """Parse NAME=VALUE pairs, and NAME=A:B for a parameter that goes from A to B; None if there is none of these."""
+    moving = [setting for setting in settings if ":" in setting.partition("=")[2]]
+    fixed = parse_settings([setting for setting in settings if setting not in moving])
+    if not moving:
+        return fixed, None
+    ends: dict[str, tuple[list[float], list[float]]] = {}
+    for setting in moving:
+        name, _, text = setting.partition("=")
+        first, last = (_numbers(part) for part in (text.split(":") if text.count(":") == 1 else ("", "")))
+        if not first or len(first) != len(last):
+            raise CommandError(f"--set {setting}", legal="NAME=A:B with as many numbers in A as in B, such as 0:1")
+        ends[name.strip()] = first, last
+
+    def at(share: float) -> dict[str, Any]:
+        found = {
+            name: tuple((1.0 - share) * a + share * b for a, b in zip(*both, strict=True))
+            for name, both in ends.items()
+        }
+        return {name: value[0] if len(value) == 1 else value for name, value in found.items()}
+
+    return fixed, at
+
+
+def _numbers(text: str) -> list[float]:
+    """The numbers of a text, separated by commas; none if it holds anything else."""
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        return []
 
 
 @contextmanager
@@ -94,6 +129,8 @@ def piped() -> Iterator[None]:
     from the start is the null device.
     """
     _open_closed_streams()
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # as stderr: an encoding without a letter is no failure
     output = os.dup(1)  # rich replaces descriptor 1
     try:
         try:

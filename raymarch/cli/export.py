@@ -36,11 +36,16 @@ def run(
     start, began = clock_time.perf_counter(), clock_time.time()
     found, params, corners = load(scene), parse_settings(set_ or []), parse_box(box)
     with bar("exporting", 1.0) as progress:
-        export(
+        made = export(
             found, output, time=time, params=params, shadertoy=shadertoy, cells=cells, box=corners, progress=progress
         )
     spent = clock_time.perf_counter() - start
     errors.print(f"{output}  {output.stat().st_size / 1e3:,.0f} kB  {spent:.1f} s")
+    if made is not None:
+        errors.print(
+            f"{len(made.faces):,} triangles, off the surface by up to {made.deviation:.2g}; "
+            f"volume {made.volume:.6g}, area {made.area:.6g}"
+        )
     beside = output.with_suffix(TEXTURES)
     if output.suffix.lower() in GLSL and beside.exists() and beside.stat().st_mtime >= began:
         errors.print(f"{beside}  {beside.stat().st_size / 1e3:,.0f} kB  its textures")

@@ -21,10 +21,9 @@ from raymarch.cli.common import (
     Device,
     OptionalTime,
     SceneFile,
-    Settings,
     errors,
-    parse_settings,
     parse_size,
+    parse_sweeps,
 )
 from raymarch.cli.progress import bar, watched
 from raymarch.cli.views import CHOICES, check_view, shown
@@ -50,6 +49,7 @@ from raymarch.files import write
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.file import load
 from raymarch.scene.images import exr_package
+from raymarch.scene.parameter import set_values
 from raymarch.scene.quality import PRESETS, Quality
 from raymarch.scene.scene import Scene
 
@@ -69,7 +69,14 @@ def run(
         typer.Option(metavar="A:B", help="Render frames A to B-1: to a film, or to names with a field such as {:04d}."),
     ] = None,
     fps: Annotated[float, typer.Option(help="Frames per second, with --frames.")] = 30.0,
-    set_: Settings = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUE",
+            help="Value of a Param; may be repeated. With --frames also NAME=A:B, from A to B.",
+        ),
+    ] = None,
     view: Annotated[str, typer.Option(help=f"What to show: {', '.join(CHOICES)}.")] = "final",
     slice_: Annotated[
         str | None,
@@ -145,7 +152,13 @@ def run(
     found = load(scene)
     if samples is not None:  # before a quality is chosen by measurement
         found = found.replace(quality=found.quality.replace(samples=samples))
-    params = parse_settings(set_ or [])
+    params, sweep = parse_sweeps(set_ or [])
+    if sweep is not None:
+        if frames is None or cluster is not None:
+            wrong = "without --frames" if frames is None else "with --cluster"
+            raise CommandError(f"--set NAME=A:B {wrong}", legal="--frames A:B, on this machine; or NAME=VALUE")
+        params |= sweep(0.0)
+        set_values(found.parameters, params | sweep(1.0), where=found.where)  # what lies between is legal too
     target = output if output is not None else Path(scene.with_suffix(".png").name)
     if alpha:
         _check_alpha(target, view)
@@ -195,10 +208,12 @@ def run(
             start = clock_time.perf_counter()
             tell = partial(lambda before, share: progress(before + share), i)
             file = item.file
+            if sweep is not None:
+                shot = replace(shot, params=params | sweep(i / max(1, len(items) - 1)))
             if renderer.size != item.size:
                 renderer.resize(item.size)
             if shot.suffix == ".png":
-                key = key_of(contents.of(item), renderer.context.driver)
+                key = key_of(contents.of(item, shot.params), renderer.context.driver)
                 if (frames is not None or large) and key is not None and is_whole(file, [key]):
                     if not large:
                         later(partial(errors.print, f"{file}  is already drawn"))
@@ -206,7 +221,7 @@ def run(
                         add(file)
                     continue
             frame, doubts = draw(renderer, found, shot, item.time, item.part, tell)
-            view_result = shown(renderer, frame, view, found, params, tell)
+            view_result = shown(renderer, frame, view, found, shot.params, tell)
             image = cache(view_result.image)
             writer = encoder(shot, frame, image, view_result.numbers, key)
             if film or large:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +22,7 @@ from raymarch.gpu.prepare import Prepared, prepare
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.tiles import split
 from raymarch.scene.images import exr_package
+from raymarch.scene.parameter import ParamValue
 from raymarch.scene.scene import Scene
 
 LARGE, LONG = 1 << 24, 1 << 14
@@ -81,7 +82,10 @@ def check_suffix(target: Path, error: type[RaymarchError] = SceneError) -> None:
     """Raise `error` for a file of a format that is not known."""
     known = (*FORMATS, *NUMBERS, *FILMS)
     if target.suffix.lower() not in known:
-        raise error(f"cannot write '{target}'", legal=f"a file ending in {', '.join(known)}")
+        from raymarch.export.forms import SUFFIXES  # for the message only
+
+        other = "`raymarch export` writes it; " if target.suffix.lower() in SUFFIXES else ""
+        raise error(f"cannot write '{target}'", legal=f"{other}a file ending in {', '.join(known)}")
 
 
 def tiles_of(
@@ -128,8 +132,11 @@ class Contents:
         self.scene, self.shot, self.renderer = scene, shot, renderer
         self._ready: dict[Any, Prepared] = {}
 
-    def of(self, item: Item) -> str | None:
-        """The content hash of a picture; None if it depends on earlier frames. The renderer must have its size."""
+    def of(self, item: Item, params: Mapping[str, ParamValue] | None = None) -> str | None:
+        """The content hash of a picture; None if it depends on earlier frames. The renderer must have its size.
+
+        params : values of parameters in place of those of the shot.
+        """
         shot = self.shot
         if self.renderer is not None:
             ready = self.renderer.prepared(self.scene, shot.outputs, item.part)
@@ -140,7 +147,9 @@ class Contents:
                 whole = prepare(self.scene, shot.outputs, size)
                 self._ready[key] = whole if item.part is None else prepared_part(whole)
             ready = self._ready[key]
-        return content_of(ready, self.scene, item.size, item.time, shot.params, shot.outputs, shot.label, item.part)
+        return content_of(
+            ready, self.scene, item.size, item.time, params or shot.params, shot.outputs, shot.label, item.part
+        )
 
 
 def join_film(target: Path, items: Sequence[Item], fps: float, error: type[RaymarchError] = SceneError) -> None:

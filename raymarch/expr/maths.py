@@ -112,8 +112,8 @@ def _componentwise(function: Callable[P, Expr]) -> Callable[P, Any]:
     return call
 
 
-def _of_vectors(function: Callable[P, Expr], called: str = "") -> Callable[P, Any]:
-    """A function of vectors of 2 to 4 numbers."""
+def of_vectors(function: Callable[P, Expr], called: str = "") -> Callable[P, Any]:
+    """A function of vectors of 2 to 4 numbers, for expressions and for arrays. called : its name in messages."""
     name = called or function.__name__
     call = _of_arrays(function, name, "vectors of 2 to 4 numbers, arrays of them, or expressions", True)
     call.__doc__ = f"{function.__doc__ or _PLAIN_VECTORS.format(name)}\n\n{_VECTORS}"
@@ -148,11 +148,11 @@ clamp = _componentwise(v.clamp)
 mix = _componentwise(v.mix)
 step = _componentwise(v.step)
 smoothstep = _componentwise(v.smoothstep)
-length = _of_vectors(v.length)
-distance = _of_vectors(v.distance)
-dot = _of_vectors(v.dot)
-cross_product = _of_vectors(v.cross, "cross_product")
-normalize = _of_vectors(v.normalize)
+length = of_vectors(v.length)
+distance = of_vectors(v.distance)
+dot = of_vectors(v.dot)
+cross_product = of_vectors(v.cross, "cross_product")
+normalize = of_vectors(v.normalize)
 vec2, vec3, vec4 = checked(v.vec2), checked(v.vec3), checked(v.vec4)
 
 

@@ -78,7 +78,8 @@ FUNCTIONS = _keys(
         "trace raymarch raytrace": "rm.render(scene)",
         "elapsed t seconds": "rm.time",
         "x y z p position": "a function of the point, such as lambda p: rm.sin(p.x), for .displace_by or a Material",
-        "colormap cmap palette cosinepalette gradient viridis": 'rm.mix("navy", "orange", t), with t from 0 to 1',
+        "cmap palette cosinepalette gradient viridis": 'rm.colormap(t, "viridis"), or rm.mix("navy", "orange", t)',
+        "generate marchingcubes dualcontouring tomesh trianglemesh polygonize": "rm.triangulate(node)",
         "mengersponge kaleidoscope fractal kifs ifs": "rm.mandelbulb(), rm.menger(), or rm.fold_fractal(...)",
         "bars bar barchart histogram": "rm.union(*[rm.box((w, h, d)).translate((x, h / 2, z)) for ...])",
         "scatter scatterplot scatterpoints points pointcloud dots": "rm.instances(rm.sphere(0.1), positions, colors)",
@@ -134,6 +135,8 @@ METHODS = _keys(
         "shader code": "glsl()",
         "render save": "rm.render(rm.Scene(node))",
         "show view display": "rm.Scene(node).show()",
+        "volume area surfacearea mass centroid centerofmass massproperties measure": "rm.triangulate(node).volume",
+        "generate marchingcubes tomesh vertices faces triangles": "rm.triangulate(node)",
     }
 )
 """Names looked for in a node."""
@@ -175,6 +178,7 @@ PARAMETERS = _keys(
         "fontsize": "height",
         "dimensions dims extents width": "size",
         "h length": "height",
+        "resolution": "cells",
         "smooth smoothing blendradius": "k",
         "offsets distance translation y level": "offset",
         "n num copies": "count",
@@ -268,7 +272,7 @@ def meant(name: str, known: Sequence[str]) -> str:
 
 def unknown_function(name: str, names: Collection[str], methods: Collection[str]) -> UnknownNameError:
     """The error for a name that the package does not have. methods : the names of the methods of nodes."""
-    text = FUNCTIONS.get(key(name))
+    text, names = FUNCTIONS.get(key(name)), [known for known in names if not known.startswith("_")]
     if text is None and name in methods:
         text = f"node.{name}(...)"
     if text is None and (close := _nearest(name, names)) is not None:

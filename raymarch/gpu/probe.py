@@ -25,7 +25,7 @@ from raymarch.gpu.targets import Target
 from raymarch.gpu.tiles import draw_in_tiles
 from raymarch.plan.probe import Probing, plan_faults, plan_slopes
 from raymarch.scene.parameter import ParamValue, set_values
-from raymarch.scene.scene import Scene, all_nodes, check_scene
+from raymarch.scene.scene import Scene, all_nodes, as_scene, check_scene
 from raymarch.sdf.node import Node
 from raymarch.sdf.sampled_facts import contradictions, stated_by_user
 
@@ -97,7 +97,7 @@ class Probe:
 
 @checked
 def probe(
-    scene: Scene,
+    scene: Scene | Node,
     size: tuple[int, int] = (160, 90),
     time: float = 0.0,
     params: Mapping[str, ParamValue] | None = None,
@@ -112,7 +112,7 @@ def probe(
 
     size : (width, height) in pixels, as for `render`. Errors are those of `Renderer.render`.
     """
-    check_scene("probe", scene)
+    scene = as_scene("probe", scene)
     with Renderer(size, backend) as renderer:
         return probe_with(renderer, scene, time, params)
 

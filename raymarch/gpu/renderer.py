@@ -36,8 +36,9 @@ from raymarch.scene.legal import violations
 from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.post import PostEffect
 from raymarch.scene.quality import MOST_SAMPLES, SINGLE_PASS
-from raymarch.scene.scene import Scene, check_scene
+from raymarch.scene.scene import Scene, as_scene
 from raymarch.scene.sky import Sky
+from raymarch.sdf.node import Node
 
 Progress = Callable[[float], None]
 
@@ -158,7 +159,7 @@ class Renderer:
     @checked
     def render(
         self,
-        scene: Scene,
+        scene: Scene | Node,
         time: float = 0.0,
         params: Mapping[str, ParamValue] | None = None,
         outputs: Sequence[Wanted] = ("color",),
@@ -171,6 +172,7 @@ class Renderer:
 
         Parameters
         ----------
+        scene : a Scene, or a solid, which is put into a default one.
         time : value of `raymarch.time` in seconds.
         params : values of parameters by name; the others keep their defaults.
         outputs : arrays to render now, by name. "color" has a pass of its own; most others share one pass. Arrays that
@@ -193,7 +195,7 @@ class Renderer:
         DeviceError : the renderer is closed, or the driver lacks an extension that an output needs.
         RenderError : the renderer is strict, and the frame has doubts.
         """
-        check_scene("render", scene)
+        scene = as_scene("render", scene)
         limit = np.inf if within is None else real("within", within, 0.0, np.inf, "milliseconds >= 0, or None")
         self._refuse_closed()
         with self.context.bound():
@@ -550,7 +552,7 @@ def _part(progress: Progress, i: int, n: int) -> Progress:
 
 @checked
 def render(
-    scene: Scene,
+    scene: Scene | Node,
     size: tuple[int, int] = (640, 360),
     time: float = 0.0,
     params: Mapping[str, ParamValue] | None = None,
@@ -559,14 +561,14 @@ def render(
     alpha: bool = False,
     samples: int | None = None,
 ) -> Image.Image:
-    """Render a picture of a scene as 8-bit sRGB; with `alpha`, as RGBA with a transparent sky.
+    """Render a picture of a scene, or of a solid, as 8-bit sRGB; with `alpha`, as RGBA with a transparent sky.
 
     `samples` is the number of rays per pixel, against aliasing and noise, in place of that of the scene's quality; 16
     smooth the edges. For many frames use one `Renderer`, which compiles once; parameters and errors are those of
     `Renderer` and `Renderer.render`. Each of `Frame.doubts` is emitted as a RenderWarning. With `strict` doubts raise
     RenderError, and too many rays that run out of steps are a doubt, too.
     """
-    check_scene("render", scene)
+    scene = as_scene("render", scene)
     if samples is not None:
         scene = scene.replace(quality=scene.quality.replace(samples=samples))
     with Renderer(size, backend, strict=strict) as renderer:

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from raymarch.expr.arrays import evaluator, row_blocks
+from raymarch.expr.color_maps import color_map
 from raymarch.expr.node import Expr
 from raymarch.expr.vocabulary import abs, clamp, dot, fract, log2, max, mod, vec3, where
 from raymarch.gpu.boxes import boxes_of, draw_boxes
 from raymarch.gpu.display import HIGH, HIT, LOW, VALUE, VECTOR, display_of, is_worth
 from raymarch.gpu.frame import Frame
-from raymarch.gpu.scale import Scale, color_map
+from raymarch.gpu.scale import Scale
 from raymarch.gpu.slices import SCALE as SLICE
 from raymarch.gpu.slices import slice_picture, spacing
 from raymarch.gpu.targets import Surface

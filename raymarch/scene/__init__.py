@@ -2,6 +2,7 @@
 
 from raymarch.scene.ambient_occlusion import AmbientOcclusion
 from raymarch.scene.camera import Camera
+from raymarch.scene.data import colormap, sampled
 from raymarch.scene.file import load as load
 from raymarch.scene.fog import Fog
 from raymarch.scene.light import DirectionSample, Light, PointLight, RectLight, SphereLight, SpotLight, Sun
@@ -38,10 +39,12 @@ __all__ = [
     "Texture",
     "ToneMapping",
     "checker",
+    "colormap",
     "grid_lines",
     "marble",
     "noise",
     "planar",
+    "sampled",
     "stripes",
     "time",
     "triplanar",

@@ -121,8 +121,12 @@ _suspected: set[Location | None] = set()
 """The lines that were warned of; a line of a loop warns once."""
 
 
-def _warn_of_degrees(what: str, angle: Any) -> None:
-    """A SceneWarning for a number that is likely an angle in degrees."""
+def _check_angle(what: str, angle: Any) -> None:
+    """SceneError for what looks like an axis; a SceneWarning for a number that is likely an angle in degrees."""
+    if isinstance(angle, str | tuple | list):
+        raise SceneError(
+            f"{what}: angle = {short(angle)}", legal=f'an angle in radians, then an axis: {what}(0.5, "y")'
+        )
     given: Any = plain(angle)
     if isinstance(given, bool) or not isinstance(given, int | float) or not {given, -given} & DEGREES:
         return
@@ -141,7 +145,7 @@ def rotate(node: Node, angle: Scalar, axis: Vector | str | None = None) -> Node:
     axis : "x", "y", "z" or a direction of any length but 0; None is "y". A flat shape rotates in its plane,
         counter-clockwise, and takes no axis.
     """
-    _warn_of_degrees("rotate", angle)
+    _check_angle("rotate", angle)
     if isinstance(node, Node) and node.dimension == 2:
         if axis is not None and not (isinstance(axis, str) and axis in ("y", "z")):
             raise SceneError(f"rotate: axis = {short(axis)} for a flat shape", legal="the angle alone")

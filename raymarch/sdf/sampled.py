@@ -128,7 +128,7 @@ def grid(values: ArrayLike, size: Vector | Scalar = (2.0, 2.0, 2.0), centre: Vec
     Interpolated linearly. A bound: the field is divided by its steepest slope. Outside the box it combines the distance
     to the box and the sample at the nearest point of the box.
     """
-    array = _finite("grid", values, "distances")
+    array = finite_grid("grid", values, "distances")
     if (least := _least_on_faces(array)) < 0.0:
         raise SceneError(
             f"grid: the solid reaches the box, a distance on its faces is {least:g}",
@@ -156,7 +156,7 @@ def isosurface(
     A bound. The values are mapped by an increasing function, so that each level has the slope 1 where it is steepest;
     then they are interpolated linearly. So a density that decays far away is marched as fast there as near its peak.
     """
-    array = _finite("isosurface", values, "numbers")
+    array = finite_grid("isosurface", values, "numbers")
     at = Domain(FLOAT).accept("isosurface", "level", level)
     whole = Domain(VEC3, low=0.0, open=True, stretch=True).accept("isosurface", "size", size)
     if not whole.is_constant:
@@ -167,6 +167,9 @@ def isosurface(
     reach = float(np.ptp(array)) + 1.0
     lowest, highest = (float(np.clip(end, array.min() - reach, array.max() + reach)) for end in interval_of(at))
     values_at, heights = _evened(array, extents / (np.array(array.shape) - 1.0))
+    if highest > array.max():
+        exceeds = "exceeds" if at.is_constant else "can exceed"
+        warn(f"isosurface: level = {short(level)} {exceeds} all values, {array.max():g} at most: an empty solid")
     least = _mapped(lowest, values_at, heights) if at.is_constant else np.interp(lowest, values_at, heights)
     outside = least - np.interp(array, values_at, heights)
     solid = sampled_grid(Samples(outside.transpose(2, 1, 0)), size, centre)
@@ -183,7 +186,7 @@ def isosurface(
     return solid if _least_on_faces(outside) >= 0.0 else solid & box(extents).translate(centre)
 
 
-def _finite(what: str, values: ArrayLike, kind: str) -> NDArray[np.float64]:
+def finite_grid(what: str, values: ArrayLike, kind: str) -> NDArray[np.float64]:
     """Values on a grid of three axes, checked."""
     array = numbers(f"{what}: values", values, f"{kind}, (nx, ny, nz), each 2 to 2048")
     if array.ndim != 3:

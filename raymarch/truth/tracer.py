@@ -15,7 +15,7 @@ from raymarch.expr.calls import checked
 from raymarch.expr.convert import short
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import ParamValue, Values, set_values
-from raymarch.scene.scene import Scene, check_scene
+from raymarch.scene.scene import Scene, as_scene
 from raymarch.sdf.node import Node
 from raymarch.truth.field import Field
 from raymarch.truth.fog import sky_seen
@@ -103,7 +103,7 @@ class Truth:
 
 @checked
 def truth(
-    scene: Scene,
+    scene: Scene | Node,
     size: tuple[int, int] = (640, 360),
     time: float = 0.0,
     params: Mapping[str, ParamValue] | None = None,
@@ -113,7 +113,7 @@ def truth(
 
     Parameters
     ----------
-    scene : the scene to render.
+    scene : the scene to render, or a solid, which is put into a default one.
     size : (width, height) in pixels, each >= 1.
     time : seconds, finite.
     params : values of parameters by name, within their ranges; the others keep their defaults.
@@ -139,7 +139,7 @@ def truth(
     Raises SceneError for an unknown parameter or output, a value out of range, a size below 1, and a
     field that is NaN somewhere on a ray.
     """
-    check_scene("truth", scene)
+    scene = as_scene("truth", scene)
     width, height = _checked_size(size)
     for name in outputs:
         if not isinstance(name, str) or name not in OUTPUTS:

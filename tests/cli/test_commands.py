@@ -140,6 +140,29 @@ def test_frames(folder):
     assert Path("one.png").read_bytes() == Path("f-003.png").read_bytes()
 
 
+def test_a_parameter_goes_from_one_value_to_another_over_the_frames(folder, capsys):
+    swept = ["render", "hello.py", "--size", "24x16", "--set", "radius=0.5:2"]
+    assert run(*swept, "-o", "s{}.png", "--frames", "0:3") == 0
+    for i, radius in enumerate((0.5, 1.25, 2)):
+        assert run("render", "hello.py", "--size", "24x16", "-o", "one.png", "--set", f"radius={radius}") == 0
+        assert np.array_equal(Image.open("one.png"), Image.open(f"s{i}.png"))
+    capsys.readouterr()
+    assert run(*swept[:-1], "radius=0.5:1.5", "-o", "s{}.png", "--frames", "0:2") == 0
+    said = capsys.readouterr().err.splitlines()
+    assert "is already drawn" in said[0] and "to draw" in said[1], "each frame has the value of its own"
+    assert run(*swept[:-1], "radius=0.5:9", "-o", "s{}.png", "--frames", "0:2") == 2
+    assert "'radius' = 9 (a number >= 0.5 and <= 2)" in capsys.readouterr().err
+
+
+def test_an_output_without_a_letter_of_the_text(folder):
+    """Of a file name, a Param or a sign such as an infinity; the encoding of a pipe may be ASCII or that of Windows."""
+    (folder / "scène.py").write_text(HELLO, encoding="utf-8")
+    ascii_only = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    command = [sys.executable, "-m", "raymarch", "explain", "scène.py"]
+    done = subprocess.run(command, env=ascii_only, cwd=folder, capture_output=True, timeout=60)
+    assert done.returncode == 0 and b"sc\\xe8ne.py" in done.stdout, done.stderr
+
+
 def test_explain_says_what_is_used_and_what_is_not(folder, capsys):
     assert run("explain", "hello.py") == 0
     text = capsys.readouterr().out
@@ -254,6 +277,11 @@ BAD_CALLS = {
     "no such folder": (["render", "hello.py", "-o", "nosuch/a.png"], "nosuch/a.png"),
     "no such format": (["render", "hello.py", "-o", "a.xyz"], "a.xyz"),
     "frames backwards": (["render", "hello.py", "-o", "a{}.png", "--frames", "5:2"], "5:2"),
+    "a sweep of one picture": (["render", "hello.py", "--set", "radius=1:2"], "without --frames"),
+    "a sweep of three": (["render", "hello.py", "--set", "radius=1:2:3", "--frames", "0:2", "-o", "a{}.png"], "1:2:3"),
+    "a sweep of a mesh": (["export", "hello.py", "-o", "a.stl", "--set", "radius=1:2"], "raymarch render --frames"),
+    "a mesh by render": (["render", "hello.py", "-o", "a.stl"], "`raymarch export` writes it"),
+    "a picture by export": (["export", "hello.py", "-o", "a.png"], "`raymarch render` writes it"),
     "frames into one file": (["render", "hello.py", "-o", "a.png", "--frames", "0:2"], "a.png"),
     "time is nan": (["render", "hello.py", "--time", "nan"], "time = nan"),
     "frames and time": (["render", "hello.py", "-o", "a{}.png", "--frames", "0:2", "--time", "1"], "--time"),

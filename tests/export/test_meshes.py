@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import struct
 from pathlib import Path
 from typing import Any
@@ -52,6 +53,28 @@ def on_surface(node: rm.Node, count: int) -> NDArray[np.float64]:
     for _ in range(8):
         points = points - node.distance(points)[:, None] * node.gradient(points)
     return points[np.abs(node.distance(points)) < 1e-9]
+
+
+def test_measures_are_those_of_the_solid() -> None:
+    ball = rm.triangulate(rm.Scene(rm.sphere(rm.Param("radius", 1.0, 0.5, 2.0)).translate((5, 0, 0))), cells=48)
+    assert ball.volume == pytest.approx(4 / 3 * np.pi, rel=1e-3)
+    assert ball.area == pytest.approx(4 * np.pi, rel=1e-3)
+    np.testing.assert_allclose(ball.centroid, (5, 0, 0), atol=1e-6)
+    np.testing.assert_allclose(ball.bounds, [(4, -1, -1), (6, 1, 1)], atol=0.01 * ball.cell + ball.deviation)
+    middles = ball.vertices[ball.faces].mean(axis=1) - (5, 0, 0)
+    assert ball.deviation == pytest.approx(np.abs(np.linalg.norm(middles, axis=1) - 1).max(), rel=1e-6)
+    angle = rm.triangulate(rm.box(2) - rm.box(2).translate((1, 1, 0)), cells=20)
+    assert angle.volume == pytest.approx(6, rel=1e-3) and angle.area == pytest.approx(22, rel=1e-3)
+    np.testing.assert_allclose(angle.centroid, (-1 / 6, -1 / 6, 0), atol=1e-3)
+    large = rm.triangulate(rm.sphere(rm.Param("radius", 1.0, 0.5, 2.0)), cells=24, params={"radius": 2.0})
+    assert large.volume == pytest.approx(8 * ball.volume, rel=0.01)
+
+
+def test_the_command_prints_the_measures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "part.py").write_text("import raymarch as rm\nscene = rm.box(2)\n")
+    assert run("export", str(tmp_path / "part.py"), "-o", str(tmp_path / "part.stl"), "--cells", "12") == 0
+    said = capsys.readouterr().err
+    assert re.search(r"triangles, off the surface by up to \S+; volume [78]\.?\d*, area 2[34]\.?\d*", said)
 
 
 SMOOTH, SHARP = 0.1, 1e-3

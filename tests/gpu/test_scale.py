@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from raymarch.gpu.scale import INK, MAPS, MARGIN, PAPER, Scale, colored, nice, with_bar
+from raymarch.expr.color_maps import MAPS
+from raymarch.gpu.scale import INK, MARGIN, PAPER, Scale, colored, nice, with_bar
 
 
 @pytest.mark.parametrize("name", MAPS)

@@ -393,7 +393,7 @@ def test_times_are_told_by_pass(renderer: Renderer) -> None:
 @pytest.mark.parametrize(
     ("use", "words"),
     [
-        (lambda r: r.render(rm.sphere()), ("render of <sphere", "a Scene")),
+        (lambda r: r.render(rm.sphere), ("render of <function sphere", "a Scene")),
         (lambda r: r.render(None), ("render of None", "a Scene")),
         (lambda r: r.render(scene(), outputs=("deep",)), ("outputs: 'deep'", "color, depth, normal")),
         (lambda r: r.render(scene(), outputs=5), ("outputs = 5", "color, depth, normal")),
@@ -402,7 +402,7 @@ def test_times_are_told_by_pass(renderer: Renderer) -> None:
         (lambda r: r.render(scene(), time=None), ("time = None", "finite")),
         (lambda r: r.render(scene()).array("deep"), ("'deep'", "color, depth, normal")),
         (lambda r: r.render(scene(camera=rm.Camera((0, 0, 0)))), ("position = target", "two different points")),
-        (lambda r: rm.render(rm.sphere(), (8, 8)), ("render of <sphere", "a Scene")),
+        (lambda r: rm.render(rm.circle(), (8, 8)), ("circle is flat", "extrude or revolve")),
         (lambda r: plan(rm.sphere()), ("plan of <sphere", "a Scene")),
         (lambda r: probe_with(r, rm.sphere()), ("probe of <sphere", "a Scene")),
         (lambda r: reference(rm.sphere(), (8, 8)), ("reference of <sphere", "a Scene")),
@@ -415,6 +415,12 @@ def test_bad_input_is_refused(renderer: Renderer, use: Any, words: tuple[str, ..
     for word in words:
         assert word in str(caught.value)
     assert caught.value.where is not None and caught.value.where.file == __file__
+
+
+def test_a_solid_is_drawn_in_a_default_scene(renderer: Renderer) -> None:
+    solid = rm.torus().twist(1.0)
+    assert np.array_equal(renderer.render(solid).color, renderer.render(rm.Scene(solid)).color)
+    assert np.array_equal(rm.truth(solid, (8, 8)).color, rm.truth(rm.Scene(solid), (8, 8)).color)
 
 
 # Effects that are seen.

@@ -48,6 +48,13 @@ NODES = {
 }
 
 
+def test_an_isosurface_above_all_values_is_reported():
+    with pytest.warns(rm.SceneWarning, match="level = 5 exceeds all values, 1 at most: an empty solid"):
+        rm.isosurface(np.linspace(0, 1, 8).reshape(2, 2, 2), 5)
+    with pytest.warns(rm.SceneWarning, match="can exceed all values, 1 at most"):
+        rm.isosurface(np.linspace(0, 1, 8).reshape(2, 2, 2), rm.Param("level", 0.5, 0, 7))
+
+
 def test_an_isosurface_lies_at_its_level_in_any_unit():
     """A density that falls by 1000 per unit of length has the level -700 at the radius 0.7; so has any value of a
     `Param`. Values above the level on the faces of the box are cut off there."""
