@@ -102,7 +102,7 @@ def test_a_clear_sky_is_brightest_at_its_sun_and_bluer_away_from_it() -> None:
 
 @pytest.mark.parametrize("sky", [GradientSky(light=True), SunSky(light=True), SunSky((0.5, 1, 0.7), light=True)])
 def test_the_defaults_have_the_contrast_of_daylight_and_do_not_clip(sky: Sky) -> None:
-    """The floor: 4 to 6 times as bright in the sun as in the shadow. A ball of albedo 0.8 is white where it faces the sun."""
+    """The floor: 4 to 6 times as bright in the sun as in the shadow. A ball of albedo 0.8 is white towards the sun."""
     sun = sky.sun() if isinstance(sky, SunSky) else Sun()
     camera = Camera((2.0, 4.0, 3.0), (0, 0, 0))
 
