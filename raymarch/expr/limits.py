@@ -6,7 +6,7 @@ treats the mark as the expression itself.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -50,8 +50,7 @@ def limited(value: Expr, limit: Limit) -> Expr:
         return value  # already marked
     if value.is_constant or (limit.holds(value) and not may_overflow(value)):
         return value
-    marked = Limit(limit.what, limit.legal, limit.low, limit.high, limit.nonzero, user_location())
-    return make("within", value.type, (value,), marked)
+    return make("within", value.type, (value,), replace(limit, where=user_location()))
 
 
 def may_overflow(value: Expr) -> bool:

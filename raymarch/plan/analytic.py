@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 
+import numpy as np
+
 from raymarch.expr.function import Function
 from raymarch.expr.node import const, var
 from raymarch.expr.types import FLOAT, VEC3
@@ -56,7 +58,10 @@ class Analytic:
     def boxes(self) -> list[Facts]:
         """The boxes outside of which nothing is marched; none if nothing is marched."""
         boxes = [node.facts for node in self.marched if not node.facts.empty]
-        return boxes if len(boxes) <= MOST_BOXES else [_around(boxes)]
+        if len(boxes) <= MOST_BOXES:
+            return boxes
+        lower, upper = np.min([box.lower for box in boxes], axis=0), np.max([box.upper for box in boxes], axis=0)
+        return [Facts("bound", 1.0, lower, upper)]
 
 
 def choose(root: Node, asked: bool | None, hidden: bool = False) -> Analytic:
@@ -161,9 +166,3 @@ def _apart(root: Node) -> list[Node]:
 def _under(node: Node, transform: Node) -> Node:
     """A node under a transform that another node has."""
     return replaced(transform, (node,), facts=transform.definition.derive((node,), transform.params))
-
-
-def _around(boxes: Sequence[Facts]) -> Facts:
-    lower = reduce(lambda a, b: a.clip(max=b), [box.lower for box in boxes])
-    upper = reduce(lambda a, b: a.clip(min=b), [box.upper for box in boxes])
-    return Facts("bound", 1.0, lower, upper)

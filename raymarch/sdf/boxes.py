@@ -122,23 +122,22 @@ def triangle_squared(p: Expr, a: Expr, b: Expr, c: Expr) -> Expr:
     return where(all_of(*inside), above * above, min(*edges))
 
 
-def _check_triangle(a: Any, b: Any, c: Any, radius: Any) -> None:
-    if a.is_constant and b.is_constant and c.is_constant:
-        _refuse_flat("triangle", a.data, b.data, c.data)
-
-
-def _refuse_flat(name: str, a: Any, b: Any, c: Any) -> None:
+def _refuse_flat(name: str, *corners: Any) -> None:
+    """SceneError for a triangle of constant corners on one line."""
+    if not all(v.is_constant for v in corners):
+        return
+    a, b, c = (v.data for v in corners)
     sides = np.linalg.norm([b - a, c - b, a - c], axis=1)
     if np.linalg.norm(np.cross(b - a, c - a)) <= 1e-6 * np.max(sides) ** 2:
-        corners = ", ".join(str(tuple(v.tolist())) for v in (a, b, c))
-        raise SceneError(f"{name}: the corners {corners} lie on one line", legal="corners that span an area")
+        given = ", ".join(str(tuple(v.tolist())) for v in (a, b, c))
+        raise SceneError(f"{name}: the corners {given} lie on one line", legal="corners that span an area")
 
 
 @shape(
     exactness="exact",
     bounds=lambda a, b, c, radius: (min(a, b, c) - radius, max(a, b, c) + radius),
     convex=True,
-    check=_check_triangle,
+    check=lambda a, b, c: _refuse_flat("triangle", a, b, c),
 )
 def triangle(
     p: Expr,
@@ -170,9 +169,8 @@ def _quad_exactness(a: Any, b: Any, c: Any, d: Any, radius: Any) -> Exactness:
 
 
 def _check_quad(a: Any, b: Any, c: Any, d: Any, radius: Any) -> None:
-    if all(v.is_constant for v in (a, b, c, d)):
-        _refuse_flat("quad", a.data, b.data, c.data)
-        _refuse_flat("quad", a.data, c.data, d.data)
+    _refuse_flat("quad", a, b, c)
+    _refuse_flat("quad", a, c, d)
 
 
 @shape(

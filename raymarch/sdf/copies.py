@@ -69,11 +69,6 @@ def _polar_bounds(child: ChildFacts, count: int, evaluated: int, **_: Any) -> tu
     return balanced(turns, min), balanced(turns, max)
 
 
-def _polar_spread(child: ChildFacts, evaluated: int, **_: Any) -> Any:
-    """Rotation can move a corner of a box to the side. With a guard, the field is at least the distance to the ring."""
-    return 1.0 if evaluated == GUARDED else math.sqrt(2.0) * child.spread
-
-
 def _polar_symmetry(child: Facts, count: int, middle: Expr, evaluated: int, ring: Expr) -> str:
     """If the child has a mirror plane in its middle, the copies have mirror planes in and between the sectors."""
     kept = "y" if "y" in child.symmetry else ""
@@ -101,7 +96,8 @@ def _check_polar(child: Facts, count: int, middle: Expr, evaluated: int, ring: E
 @operator(
     bounds=_polar_bounds,
     exactness=lambda child, evaluated: "exact" if evaluated in (OWN, NEARER) else "bound",
-    spread=_polar_spread,
+    # rotation can move a corner of a box to the side; with a guard, the field is at least the distance to the ring
+    spread=lambda child, evaluated: 1.0 if evaluated == GUARDED else math.sqrt(2.0) * child.spread,
     symmetry=_polar_symmetry,
     check=_check_polar,
     called="polar",

@@ -191,15 +191,10 @@ def taper(node: Node, rate: Scalar = 0.3) -> Node:
     return taper_along_y(node, rate, reach, low, high)
 
 
-def _waves_slope(child: ChildFacts, amplitude: Expr, frequency: Expr) -> Expr:
-    """The gradient of sin(fx) sin(gy) sin(hz) is no longer than its largest frequency."""
-    f = abs(frequency)
-    return child.lipschitz + amplitude * max(f.x, max(f.y, f.z))
-
-
 @operator(
     bounds=lambda child, amplitude: child.grown(amplitude),
-    lipschitz=_waves_slope,
+    # the gradient of sin(fx) sin(gy) sin(hz) is no longer than its largest frequency
+    lipschitz=lambda child, amplitude, frequency: child.lipschitz + amplitude * max(*abs(frequency)),
     spread=lambda child: child.spread,
     called="displace",
 )

@@ -212,14 +212,9 @@ def _bulges(corners: NDArray[np.float64]) -> bool:
     return bool(np.all(turns >= 0) or np.all(turns <= 0))
 
 
-def _corners_box(points: Points) -> tuple[Expr, Expr]:
-    corners = np.array(points)
-    return expr(corners.min(axis=0)), expr(corners.max(axis=0))
-
-
 @shape(
     exactness="exact",
-    bounds=_corners_box,
+    bounds=lambda points: (expr(np.min(points, axis=0)), expr(np.max(points, axis=0))),
     symmetry=lambda points: mirrors(np.array(points)),
     convex=lambda points: _bulges(np.array(points)),
     check=_check_polygon,
@@ -326,14 +321,9 @@ def _reach(n: int, shift: float = 0.0) -> tuple[tuple[float, float], tuple[float
     return (x0, y0), (x1, y1)
 
 
-def _regular_bounds(sides: int, radius: Any) -> tuple[Expr, Expr]:
-    low, high = _reach(sides)
-    return radius * expr(low), radius * expr(high)
-
-
 @shape(
     exactness="exact",
-    bounds=_regular_bounds,
+    bounds=lambda sides, radius: tuple(radius * expr(end) for end in _reach(sides)),
     symmetry=lambda sides: "x" if sides % 2 else "xy",
     convex=True,
     dimension=2,
@@ -420,14 +410,12 @@ def stroke(p: Expr, a: Vec2 = (-0.7, -0.4), b: Vec2 = (0.7, 0.5), thickness: Pos
     return sqrt(segment_squared(p, a, b)) - 0.5 * thickness
 
 
-def _line_box(points: Points, thickness: Any) -> tuple[Expr, Expr]:
-    lower, upper = _corners_box(points)
-    return lower - 0.5 * thickness, upper + 0.5 * thickness
-
-
 @shape(
     exactness=lambda points: "exact" if len(points) == 2 else "bound",
-    bounds=_line_box,
+    bounds=lambda points, thickness: (
+        np.min(points, axis=0) - 0.5 * thickness,
+        np.max(points, axis=0) + 0.5 * thickness,
+    ),
     spread=1.0,
     convex=lambda points: len(points) == 2,
     dimension=2,

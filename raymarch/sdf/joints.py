@@ -22,6 +22,7 @@ from raymarch.sdf.domain import Fraction, Positive, Scalar, Vec3, Vector, as_ope
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.lower import lower as lower_field
 from raymarch.sdf.node import Node, called_by_nodes, method
+from raymarch.sdf.placing import unmoved
 
 __all__ = ["engrave", "groove", "morph", "pipe", "tongue", "transition", "xor"]
 
@@ -124,9 +125,8 @@ def morph(a: Node, b: Node, amount: Scalar = 0.5) -> Node:
 
 def _symmetry_across(*children: Facts, start: Expr, end: Expr, reach: Expr) -> str:
     """The weight is the same on both sides of a plane that contains the direction of the transition."""
-    axis = end - start
-    still = [name for name, step in zip("xyz", axis, strict=True) if step.is_constant and not step.data]
-    return "".join(axis for axis in still if all(axis in child.symmetry for child in children))
+    common = set("xyz").intersection(*[child.symmetry for child in children])
+    return unmoved("".join(common), end - start)
 
 
 @combination(

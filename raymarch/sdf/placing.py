@@ -33,13 +33,13 @@ def axis_vector(name: str, axis: Vector | str, dimension: int = 3) -> Vector:
     return AXES[axis][:dimension]
 
 
-def _unmoved(child: Facts, offset: Expr) -> str:
+def unmoved(symmetry: str, offset: Expr) -> str:
+    """The axes of a symmetry along which an offset is 0."""
     if offset.is_constant:  # of many objects; taking an expression apart takes longer than all else
-        return "".join(
-            axis for axis, o in zip("xyz", offset.data.tolist(), strict=False) if not o and axis in child.symmetry
-        )
-    still = [axis for axis, o in zip("xyz", offset, strict=False) if o.is_constant and not o.data]
-    return "".join(axis for axis in still if axis in child.symmetry)
+        still = [not o for o in offset.data.tolist()]
+    else:
+        still = [o.is_constant and not o.data for o in offset]
+    return "".join(axis for axis, zero in zip("xyz", still, strict=False) if zero and axis in symmetry)
 
 
 def _axes(dimension: int) -> list[Expr]:
@@ -58,7 +58,7 @@ def _spread_through(matrix: Expr) -> Expr:
 @operator(
     exactness="exact",
     bounds=lambda child, offset: child.box + offset,
-    symmetry=_unmoved,
+    symmetry=lambda child, offset: unmoved(child.symmetry, offset),
     spread=lambda child: child.spread,
     convex=True,
     dimension="any",

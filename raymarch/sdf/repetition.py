@@ -24,6 +24,7 @@ from raymarch.sdf.definition import Child, ChildFacts, at_least, operator
 from raymarch.sdf.domain import Scalar, Size3, Vec3, Vector, Whole, as_length
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.node import Node, method
+from raymarch.sdf.placing import unmoved
 
 INFINITE = 0
 MOST = 2**24
@@ -58,12 +59,9 @@ def _exact_if_apart(child: Facts, spacing: Expr, nx: int, ny: int, nz: int, guar
 @operator(
     exactness=_exact_if_apart,
     bounds=_bounds,
-    symmetry=lambda child, centre: "".join(
-        a for a, c in zip("xyz", centre.data, strict=False) if a in child.symmetry and c == 0.0
-    ),
-    spread=lambda child, guard: (
-        1.0 if guard else child.spread
-    ),  # guarded, it is at least the distance to all copies' box
+    symmetry=lambda child, centre: unmoved(child.symmetry, centre),
+    # guarded, it is at least the distance to all copies' box
+    spread=lambda child, guard: 1.0 if guard else child.spread,
     dimension="any",
     called="repeat",
 )
