@@ -53,9 +53,6 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan, reflec
     def value(name: str, of: Expr) -> str:
         return values.text(f"light_{i}_{name}", of, where)
 
-    def add(line: str) -> None:
-        text.add(f"    {line}", by=by, where=where)
-
     form = lights.table(plan.scene).forms[lights.key(light)]
     given = [value(name, of) for name, of in light.emitter_values().items()]
     samples, stride = plan.scene.quality.light_samples, 2 * len(plan.scene.lights)
@@ -63,43 +60,32 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan, reflec
     width = value("softness", light.softness) + _per_distance(light) if disc else ""
     visibility = _visibility(plan, light, value)
     both = samples_both(light, plan.scene.materials)
-    several = lights.samples_of(plan.scene, light) > 1
+    count = lights.samples_of(plan.scene, light)
     before = plan.occlusion_samples + sum(lights.samples_of(plan.scene, other) for other in plan.scene.lights[:i])
-    point = "k / 2" if both else "k"
-    dimension = f"{_dimension(i)} + {stride} * {_of(point)}" if several else f"{_dimension(i)}"
+    dimension = f"{_dimension(i)}" + f" + {stride} * {'(k / 2)' if both else 'k'}" * (count > 1)
     sample = _sample(form, given, dimension)
-    declared = "" if i else "Light "
-    if not several:
-        indent = ""
-        if plan.lights_split:
-            if declared:
-                add("Light light;")
-            add(f"if (first <= {before} && end > {before}) {{")
-            declared, indent = "", "    "
-        add(f"{indent}{declared}light = {sample};")
+    if count == 1:
+        lines = [f"light = {sample};"]
         if disc:
-            add(f"{indent}light = sample_disc(light, {width}, {_two(dimension)});")
-        add(f"{indent}color += {reflection.light(visibility)};")
+            lines.append(f"light = sample_disc(light, {width}, {_two(dimension)});")
+        lines.append(f"color += {reflection.light(visibility)};")
         if plan.lights_split:
-            add("}")
-        return
-    if disc:
-        add(f"{declared}light = {sample};")
-        add(f"Light centre_{i} = light;")
-        sample = f"sample_disc(centre_{i}, {width}, {_two(dimension)})"
-    elif declared:
-        add("Light light;")
-    add(f"for (int k = 0; k < {lights.samples_of(plan.scene, light)}; k++) {{")
-    if plan.lights_split:
-        add(f"    if ({before} + k >= end) break;")
-        add(f"    if ({before} + k < first) continue;")
-    add(f"    light = {sample};")
-    if both:
-        texts = _disc(f"centre_{i}", width) if disc else _met(form, given)
-        for line in _weighted(texts, f"{i * samples} + k / 2", stride * samples, reflection):
-            add(f"    {line}")
-    add(f"    color += {reflection.light(visibility)} / {literal(samples)};")
-    add("}")
+            lines = [f"if (first <= {before} && end > {before}) {{", *(f"    {line}" for line in lines), "}"]
+    else:
+        lines = [f"light = {sample};", f"Light centre_{i} = light;"] if disc else []
+        lines.append(f"for (int k = 0; k < {count}; k++) {{")
+        if plan.lights_split:
+            lines += [f"    if ({before} + k >= end) break;", f"    if ({before} + k < first) continue;"]
+        drawn = f"sample_disc(centre_{i}, {width}, {_two(dimension)})" if disc else sample
+        lines.append(f"    light = {drawn};")
+        if both:
+            texts = _disc(f"centre_{i}", width) if disc else _met(form, given)
+            weighted = _weighted(texts, f"{i * samples} + k / 2", stride * samples, reflection)
+            lines += [f"    {line}" for line in weighted]
+        lines += [f"    color += {reflection.light(visibility)} / {literal(samples)};", "}"]
+    if i == 0:
+        lines[:1] = [f"Light {lines[0]}"] if lines[0].startswith("light = ") else ["Light light;", lines[0]]
+    text.add(*(f"    {line}" for line in lines), by=by, where=where)
 
 
 def _sample(form: lights.Form, values: Sequence[str], dimension: str) -> str:
@@ -151,10 +137,6 @@ def _weighted(texts: tuple[str, str], number: str, before: int, reflection: Refl
         "}",
         f"light.radiance *= power_heuristic(lobe, {pdf}, {reflection.pdf_lobes()});",
     ]
-
-
-def _of(text: str) -> str:
-    return f"({text})" if " " in text else text
 
 
 def _two(dimension: str) -> str:
