@@ -23,7 +23,7 @@ from raymarch.expr.walk import free_variables, substitute
 T = TypeVar("T")
 
 _functions: WeakValueDictionary[tuple[Any, ...], Function] = WeakValueDictionary()
-"""All functions by content, so that unpickling returns the existing object."""
+"""All functions by content and line, so that unpickling returns the existing object."""
 
 
 @dataclass(eq=False, repr=False, slots=True, weakref_slot=True)
@@ -39,7 +39,7 @@ class Function:
     """Cache of derived objects (gradients, compiled programs) by key."""
 
     def __post_init__(self) -> None:
-        _functions.setdefault((self.name, self.params, self.body), self)
+        _functions.setdefault((self.name, self.params, self.body, self.where), self)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _function, (self.name, self.params, self.body, list(self.names.items()), self.where)
@@ -86,8 +86,8 @@ class Function:
 def unique_function(
     name: str, params: tuple[Expr, ...], body: Expr, names: dict[Expr, str], where: Location | None
 ) -> Function:
-    """The existing function of this content if there is one, else a new one."""
-    found = _functions.get((name, params, body))
+    """The existing function of this content and line if there is one, else a new one."""
+    found = _functions.get((name, params, body, where))
     return found if found is not None else Function(name, params, body, names, where)
 
 

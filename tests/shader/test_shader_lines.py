@@ -67,6 +67,15 @@ def test_each_call_in_the_gradient_has_the_line_of_its_node() -> None:
     assert [shader.locate(i)[1] for i in calls] == [node.where for node in nodes]
 
 
+def test_the_sky_has_the_line_of_its_own_scene_not_of_an_equal_one() -> None:
+    first = rm.Scene(rm.sphere())
+    shaders = [assemble(plan(first))]
+    second = rm.Scene(rm.sphere(0.5))
+    shaders.append(assemble(plan(second)))
+    for scene, shader in zip((first, second), shaders, strict=True):
+        assert {line.where for line in shader.body if line.text.startswith("vec3 sky(")} == {scene.where}
+
+
 # Planted errors: the text of one function is spoilt, and the driver must complain about the node that made it.
 
 
