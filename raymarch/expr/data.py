@@ -10,8 +10,6 @@ from raymarch.expr.types import Type, vector
 class Data:
     """Numbers in a texture. Data of one class with equal keys are equal.
 
-    Attributes
-    ----------
     key : a digest of the content. label : name in messages.
     dimension : of the GLSL sampler, 2 or 3. channels : numbers in each texel.
     """

@@ -100,12 +100,7 @@ def _function(name: str, params: Any, body: Any, names: Any, where: Location | N
     return unique_function(name, tuple(params), body, dict(names), where)
 
 
-def trace(
-    name: str,
-    definition: Callable[..., Any],
-    params: Sequence[tuple[str, Type]],
-    *code: CodeType,
-) -> Function:
+def trace(name: str, definition: Callable[..., Any], params: Sequence[tuple[str, Type]], *code: CodeType) -> Function:
     """Run a Python definition once on symbolic parameters.
 
     The local variables of `code` (by default the definition's own) name temporaries in the generated GLSL.

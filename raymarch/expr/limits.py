@@ -20,8 +20,6 @@ from raymarch.expr.walk import find
 class Limit:
     """A legal range.
 
-    Attributes
-    ----------
     what : the value's name, such as "Sun: intensity". legal : description of the range.
     low, high : bounds of each component. nonzero : at least one component must not be 0.
     where : the user's line; it is ignored in comparisons.

@@ -60,8 +60,6 @@ class _Components:
 class Expr:
     """A value computed for each point. Create it with the vocabulary, not with this constructor.
 
-    Attributes
-    ----------
     op : name of the operation, a key of the tables of all readings.
     type : its GLSL type.
     args : the argument expressions.

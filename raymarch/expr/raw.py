@@ -35,8 +35,6 @@ def step_of(dtype: Any) -> float:
 class RawFunction:
     """A GLSL function `float name(vec3 p)`.
 
-    Attributes
-    ----------
     name : name of the function. code : its GLSL, with its callees.
     twin : the same function in NumPy, from points (N, 3) to values (N,); None if there is none.
     size : length of the solid, which scales the step of its gradient.

@@ -25,8 +25,6 @@ MOST = 1 << 24
 class Table(Data):
     """Texels of 1, 2 or 4 float32 numbers, addressed by one index.
 
-    Attributes
-    ----------
     values : shape (texels, channels).
     label : name in messages; it is ignored in comparisons.
     """
@@ -68,8 +66,6 @@ class Table(Data):
 class LiveTable(Data):
     """A table that depends on parameters and time.
 
-    Attributes
-    ----------
     make : a function that returns the table for the bound parameters and time. All have as many channels.
     label : name in messages.
     key : names the function: live tables with equal keys are equal.

@@ -25,8 +25,6 @@ LARGEST = 4096
 class Texels(Data):
     """A texture of 1 to 3 channels with its mipmaps.
 
-    Attributes
-    ----------
     levels : float16 (h, w, channels) each, level 0 first; row 0 is the bottom, v points upwards. Each level has half
         the texels of the previous one along each axis, rounded down; the last has one.
     wrap : values outside: "repeat", "mirror", or "clamp" to the edge.

@@ -89,8 +89,6 @@ FAR = -1.0
 class Cells:
     """A grid of cells.
 
-    Attributes
-    ----------
     low : corner of the grid, shape (3,). size : edge of a cell. counts : cells along each axis.
     depth : number of times that cells are halved at most.
     texels : shape (n, 2), see `BRANCH`; the cells of the grid, x first, then blocks of eight children.

@@ -45,8 +45,6 @@ def unmarched(quality: Quality) -> Quality:
 class Level:
     """A level of cones.
 
-    Attributes
-    ----------
     scale : width and height relative to the final picture, above 0 and up to 1.
     share : fraction of the steps that its cones may take; 1 marches them until they stop.
     """
@@ -232,11 +230,7 @@ def interpolated(scene: Scene) -> bool:
 
 
 def choices(
-    scene: Scene,
-    marching: Marching,
-    epsilon: float,
-    standalone: bool = False,
-    solved: str = "",
+    scene: Scene, marching: Marching, epsilon: float, standalone: bool = False, solved: str = ""
 ) -> dict[str, str]:
     """The modules chosen to march rays, each with its reason.
 

@@ -21,8 +21,6 @@ from raymarch.scene.quality import Quality
 class Output:
     """An array of a frame, as a pass writes it.
 
-    Attributes
-    ----------
     texture, channels : the texture of the pass, and one of its channels or several.
     type : of the array: "f4", "i4", or "?" for True above 1/2.
     hit, miss : a channel of texture 0 that is negative where the ray hit nothing, and the value of the array there.
@@ -59,8 +57,6 @@ class Output:
 class Pass:
     """A draw call of the full-screen quad, or several.
 
-    Attributes
-    ----------
     module : the GLSL module with its `main`.
     writes : the float textures that it writes: the names by which later passes read them. A pass reads every texture
         whose name its text uses.

@@ -375,12 +375,7 @@ def marched_otherwise(made: Plan, quality: Quality, size: tuple[int, int] | None
 
 
 def _marching_of(
-    scene: Scene,
-    operations: int,
-    gathered: Gathered,
-    closed: Analytic,
-    size: tuple[int, int] | None,
-    standalone: bool,
+    scene: Scene, operations: int, gathered: Gathered, closed: Analytic, size: tuple[int, int] | None, standalone: bool
 ) -> Marching:
     cells = bool(gathered.rows)
     marched = count_operations([closed.rest.body], turns=not cells) if closed.rest else operations

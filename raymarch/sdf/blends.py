@@ -126,8 +126,6 @@ def levels(n: int) -> int:
 class Family:
     """A family of blends.
 
-    Attributes
-    ----------
     fold : the smooth minimum of two distances, with k.
     steepness : Lipschitz constant of a blend of n operands that are 1-Lipschitz; None if it is that of the operands.
     margin : largest distance by which a blend of n operands exceeds their union, as a multiple of k.

@@ -84,13 +84,7 @@ def hard_intersection(p: Expr, children: Sequence[Child]) -> Expr:
     return balanced([child(p) for child in children], max)
 
 
-@combination(
-    bounds=first,
-    spread=spread_of_first,
-    cuts=True,
-    dimension="any",
-    called="difference",
-)
+@combination(bounds=first, spread=spread_of_first, cuts=True, dimension="any", called="difference")
 def hard_difference(p: Expr, children: Sequence[Child]) -> Expr:
     """Difference: the first solid without the others."""
     return max(children[0](p), -balanced([child(p) for child in children[1:]], min))
@@ -120,27 +114,13 @@ def smooth_union(p: Expr, children: Sequence[Child], k: Positive, family: Word, 
     return balanced([child(p) for child in children], _fold(k, family, steps))
 
 
-@combination(
-    bounds=_overlap,
-    lipschitz=_slope,
-    spread=widest,
-    cuts=True,
-    dimension="any",
-    called="intersection",
-)
+@combination(bounds=_overlap, lipschitz=_slope, spread=widest, cuts=True, dimension="any", called="intersection")
 def smooth_intersection(p: Expr, children: Sequence[Child], k: Positive, family: Word, steps: Count) -> Expr:
     """Smooth intersection of solids: new edges are rounded, or shaped."""
     return -balanced([-child(p) for child in children], _fold(k, family, steps))
 
 
-@combination(
-    bounds=first,
-    lipschitz=_slope,
-    spread=spread_of_first,
-    cuts=True,
-    dimension="any",
-    called="difference",
-)
+@combination(bounds=first, lipschitz=_slope, spread=spread_of_first, cuts=True, dimension="any", called="difference")
 def smooth_difference(p: Expr, children: Sequence[Child], k: Positive, family: Word, steps: Count) -> Expr:
     """Smooth difference: the first solid without the others, new edges rounded, or shaped."""
     fold = _fold(k, family, steps)

@@ -285,10 +285,7 @@ def repeat_mirrored(
 
 @method
 def repeat_interval(
-    node: Node,
-    spacing: Vector | Scalar = 2.0,
-    first: int | Sequence[int] = 0,
-    last: int | Sequence[int] = 2,
+    node: Node, spacing: Vector | Scalar = 2.0, first: int | Sequence[int] = 0, last: int | Sequence[int] = 2
 ) -> Node:
     """Copies at integer multiples of a spacing, from the first to the last.
 

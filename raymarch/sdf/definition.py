@@ -349,11 +349,7 @@ FLAT: Mapping[Type | None, Type] = {VEC3: VEC2, MAT3: MAT2}
 
 
 def _define(
-    source: Callable[..., Any],
-    arity: str,
-    dimension: Dimension,
-    child_dimension: Dimension,
-    declared: dict[str, Any],
+    source: Callable[..., Any], arity: str, dimension: Dimension, child_dimension: Dimension, declared: dict[str, Any]
 ) -> Definition:
     """The definition; one of any dimension gets a flat twin, whose vectors have two components."""
     declared = {"check": None, "associative": False, "cuts": False, **declared}

@@ -32,8 +32,6 @@ Kind: TypeAlias = type[Any]
 class Domain:
     """Legal values of one parameter.
 
-    Attributes
-    ----------
     type : type of the expression that the definition receives. None for static values, which are passed unchanged.
     low, high : range of each component. `open` excludes `low` itself.
     unit : unit of the number, for documentation: "length", "radians", ...

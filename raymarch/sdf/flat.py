@@ -60,10 +60,7 @@ def rectangle(p: Expr, size: Size2 = (1.6, 1.0)) -> Expr:
     bounds=lambda size: cube(0.5 * size),
     symmetry="xy",
     convex=True,
-    check=Fits(
-        lambda size, radius: 2.0 * radius <= min(size.x, size.y),
-        "radius <= half the smaller extent",
-    ),
+    check=Fits(lambda size, radius: 2.0 * radius <= min(size.x, size.y), "radius <= half the smaller extent"),
     dimension=2,
 )
 def rounded_rectangle(p: Expr, size: Size2 = (1.6, 1.0), radius: NonNegative = 0.2) -> Expr:
@@ -344,10 +341,7 @@ def regular_polygon(p: Expr, sides: Sides = 6, radius: Positive = 1.0) -> Expr:
 
 def _star_bounds(points: int, outer: Any, inner: Any) -> tuple[Expr, Expr]:
     (tips, hollows) = _reach(points), _reach(points, 0.5)
-    return (
-        min(outer * expr(tips[0]), inner * expr(hollows[0])),
-        max(outer * expr(tips[1]), inner * expr(hollows[1])),
-    )
+    return (min(outer * expr(tips[0]), inner * expr(hollows[0])), max(outer * expr(tips[1]), inner * expr(hollows[1])))
 
 
 @shape(

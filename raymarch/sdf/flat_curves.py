@@ -210,8 +210,7 @@ def ellipse(p: Expr, size: Size2 = (2.0, 1.2)) -> Expr:
     symmetry="x",
     convex=True,
     check=Fits(
-        lambda width, height, tip: (width <= height) & (2.0 * tip < width),
-        "width <= height, and tip < half the width",
+        lambda width, height, tip: (width <= height) & (2.0 * tip < width), "width <= height, and tip < half the width"
     ),
     dimension=2,
 )
@@ -280,11 +279,7 @@ def moon(p: Expr, radius: Positive = 1.0, bite: Positive = 0.8, offset: Positive
     dimension=2,
 )
 def bezier(
-    p: Expr,
-    a: Vec2 = (-0.8, -0.5),
-    b: Vec2 = (0.0, 1.2),
-    c: Vec2 = (0.8, -0.3),
-    thickness: Positive = 0.25,
+    p: Expr, a: Vec2 = (-0.8, -0.5), b: Vec2 = (0.0, 1.2), c: Vec2 = (0.8, -0.3), thickness: Positive = 0.25
 ) -> Expr:
     """A stroke along a quadratic Bézier curve, with round ends.
 

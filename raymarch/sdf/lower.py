@@ -189,8 +189,6 @@ class BoundedParts:
 class Lowering:
     """One pass over a tree of nodes.
 
-    Attributes
-    ----------
     origins : the user's line for the expression of each node.
     shapes : the expressions of all shapes, each once, including those inside functions.
     sites : if a list is given, values and points that pass between nodes are marked as a `probe`. The list is filled

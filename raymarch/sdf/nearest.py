@@ -23,8 +23,6 @@ class Surface:
 
     solid : of trimesh. cell : pieces of the surface are about as large.
 
-    Attributes
-    ----------
     centres, areas : of the pieces, (N, 3) and (N,).
     """
 

@@ -163,11 +163,7 @@ def turn_between(start: Expr, end: Expr) -> Expr:
     opposite = c < -1.0 + 1e-6  # beyond this, 1 + c has only one or two significant bits in float32
     factor = 1.0 / where(opposite, 1.0, 1.0 + c)
     x, y, z = v
-    turn = columns(
-        vec3(c, z, -y) + factor * x * v,
-        vec3(-z, c, x) + factor * y * v,
-        vec3(y, -x, c) + factor * z * v,
-    )
+    turn = columns(vec3(c, z, -y) + factor * x * v, vec3(-z, c, x) + factor * y * v, vec3(y, -x, c) + factor * z * v)
     across = where(abs(start.x) < 0.7, vec3(0.0, start.z, -start.y), vec3(start.y, -start.x, 0.0))
     a = across / length(across)
     half = columns(2.0 * a.x * a - vec3(1, 0, 0), 2.0 * a.y * a - vec3(0, 1, 0), 2.0 * a.z * a - vec3(0, 0, 1))

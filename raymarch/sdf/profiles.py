@@ -68,10 +68,7 @@ EASINGS: Mapping[str, tuple[Easing, float]] = {
     "in_out_quad": (lambda t: where(t < 0.5, 2.0 * t * t, 1.0 - 2.0 * square(1.0 - t)), 2.0),
     "in_cubic": (lambda t: t * t * t, 3.0),
     "out_cubic": (lambda t: 1.0 - square(1.0 - t) * (1.0 - t), 3.0),
-    "in_out_cubic": (
-        lambda t: where(t < 0.5, 4.0 * t * t * t, 1.0 - 4.0 * square(1.0 - t) * (1.0 - t)),
-        3.0,
-    ),
+    "in_out_cubic": (lambda t: where(t < 0.5, 4.0 * t * t * t, 1.0 - 4.0 * square(1.0 - t) * (1.0 - t)), 3.0),
 }
 """Easing curves of a fraction t from 0 to 1, each with its steepest slope."""
 

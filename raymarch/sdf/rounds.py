@@ -114,10 +114,7 @@ def _steepest(a: Expr, b: Expr, e: Expr) -> Expr:
 
 @shape(exactness="bound", bounds=lambda size: cube(0.5 * size), symmetry="xyz", spread=1.0, convex=True)
 def superquadric(
-    p: Expr,
-    size: Size3 = (1.6, 1.4, 1.6),
-    north_south: Roundness = 0.4,
-    east_west: Roundness = 0.6,
+    p: Expr, size: Size3 = (1.6, 1.4, 1.6), north_south: Roundness = 0.4, east_west: Roundness = 0.6
 ) -> Expr:
     """Superellipsoid about the origin (Barr 1981): between box, cylinder, ellipsoid and octahedron.
 
@@ -155,10 +152,7 @@ def _capped_torus_exactness(major: Any, minor: Any, angle: Any) -> Exactness:
 def _capped_torus_bounds(major: Any, minor: Any, angle: Any) -> tuple[Expr, Expr]:
     half = 0.5 * angle
     widest = major * where(half < 0.5 * math.pi, sin(half), 1.0)
-    return (
-        vec3(major * cos(half) - minor, -minor, -widest - minor),
-        vec3(major + minor, minor, widest + minor),
-    )
+    return (vec3(major * cos(half) - minor, -minor, -widest - minor), vec3(major + minor, minor, widest + minor))
 
 
 @shape(
@@ -203,12 +197,7 @@ def link(p: Expr, straight: NonNegative = 0.6, major: Positive = 0.45, minor: Po
 # Cylinders and cones
 
 
-@shape(
-    exactness="exact",
-    bounds=lambda radius: around_y(radius, -np.inf, np.inf),
-    symmetry="xyz",
-    convex=True,
-)
+@shape(exactness="exact", bounds=lambda radius: around_y(radius, -np.inf, np.inf), symmetry="xyz", convex=True)
 def infinite_cylinder(p: Expr, radius: Positive = 0.5) -> Expr:
     """Infinite cylinder about the y axis.
 
@@ -222,8 +211,7 @@ def infinite_cylinder(p: Expr, radius: Positive = 0.5) -> Expr:
     bounds=lambda radius, height: cube(vec3(radius, 0.5 * height, radius)),
     symmetry="xyz",
     check=Fits(
-        lambda radius, height, rounding: rounding <= min(radius, 0.5 * height),
-        "rounding <= radius and <= height / 2",
+        lambda radius, height, rounding: rounding <= min(radius, 0.5 * height), "rounding <= radius and <= height / 2"
     ),
     convex=True,
 )

@@ -75,8 +75,6 @@ class Moving:
 class Form:
     """Objects of one form.
 
-    Attributes
-    ----------
     template : the tree, whose numbers are the variables `leaves`.
     divisors : the divisors of the template's nodes that are leaves, by the id of the node.
     numbers : the value of each leaf for each object, shape (n, ...) each.
@@ -148,8 +146,6 @@ def _invariant(roots: Sequence[Expr], point: Expr, leaves: Sequence[Expr]) -> li
 class Columns:
     """The columns of a form and its field as a function of them.
 
-    Attributes
-    ----------
     field : float field(vec3 p, columns...).
     known : what replaces a subexpression over the leaves: a column, or a constant if all objects have the same value.
     """
@@ -273,8 +269,6 @@ class Packing:
 class Rows:
     """Objects in a union, as rows of some forms.
 
-    Attributes
-    ----------
     forms : the forms; the rows of the first come first.
     materials : the materials that objects may have; None stands for the material that is inherited.
     k, family : width and kind of the blend; 0 and "" for a hard union.
@@ -388,8 +382,6 @@ class Rows:
 class Stored:
     """The table of rows, and how to read it.
 
-    Attributes
-    ----------
     packings : of each form; each has one extra number for each slot of materials that vary.
     first : index of the first texel of each form, and the number of texels.
     """

@@ -98,12 +98,7 @@ def _some_grid() -> Samples:
 BALL = _some_grid()
 
 
-@shape(
-    exactness="bound",
-    bounds=_solid_box,
-    lipschitz=_steepness,
-    spread=_grid_spread,
-)
+@shape(exactness="bound", bounds=_solid_box, lipschitz=_steepness, spread=_grid_spread)
 def sampled_grid(p: Expr, data: Data = BALL, size: Size3 = (2.0, 2.0, 2.0), centre: Vec3 = (0.0, 0.0, 0.0)) -> Expr:
     """Distances on a regular grid whose outermost samples lie on the faces of a box."""
     q = p - centre
@@ -518,10 +513,7 @@ def displace_by_samples(
 
 @method
 def displace_by_image(
-    node: Node,
-    source: str | os.PathLike[str] | ArrayLike,
-    size: Vector | Scalar = (2.0, 2.0),
-    height: Scalar = 0.2,
+    node: Node, source: str | os.PathLike[str] | ArrayLike, size: Vector | Scalar = (2.0, 2.0), height: Scalar = 0.2
 ) -> Node:
     """Displace a surface along its normals by an image over the xz plane.
 
@@ -547,11 +539,7 @@ def displace_by_image(
     called="heightmap",
 )
 def terrain(
-    p: Expr,
-    data: Data = HILLS,
-    size: Size2 = (2.0, 2.0),
-    height: NonNegative = 0.4,
-    base: NonNegative = 0.2,
+    p: Expr, data: Data = HILLS, size: Size2 = (2.0, 2.0), height: NonNegative = 0.4, base: NonNegative = 0.2
 ) -> Expr:
     """A block whose top follows sampled heights."""
     at = (p.xz / size + 0.5) * tuple(_texels(data))

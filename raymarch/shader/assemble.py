@@ -59,8 +59,6 @@ _PACKAGE = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__fil
 class Shader:
     """The fragment shader of a scene.
 
-    Attributes
-    ----------
     body : lines of the text, without version and defines.
     passes : names of its passes; if there are several, the define `PASS` selects one.
     heads : lines that precede the body, for each pass.
@@ -320,11 +318,7 @@ def _promised(roots: Sequence[Function], variables: frozenset[str]) -> Chunk:
 
 
 def _fields(
-    plan: Plan,
-    roots: Sequence[Function],
-    taken: frozenset[str],
-    constants: frozenset[str],
-    places: Mapping[str, Place],
+    plan: Plan, roots: Sequence[Function], taken: frozenset[str], constants: frozenset[str], places: Mapping[str, Place]
 ) -> tuple[Chunk, dict[str, str], Text]:
     """All functions generated from expressions, printed together so that each definition appears once."""
     text = print_functions(roots, taken, plan.standalone, constants, places=places)

@@ -98,13 +98,7 @@ def _call(function: Function, values: Sequence[str], random: str = "") -> str:
 
     No point of the scene is farther from the camera than u_far, so no two points are farther apart than twice that.
     """
-    texts = {
-        POINT: "surface.p",
-        SAMPLE: random,
-        DIRECTION: "direction",
-        FAR: "2.0 * u_far",
-        DIRECTION_SAMPLE: "light",
-    }
+    texts = {POINT: "surface.p", SAMPLE: random, DIRECTION: "direction", FAR: "2.0 * u_far", DIRECTION_SAMPLE: "light"}
     return f"{function.name}({', '.join([*(texts[p] for p in function.params if p in texts), *values])})"
 
 
