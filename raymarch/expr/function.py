@@ -263,10 +263,8 @@ def loop(
     finally:
         _loops.open.pop()
     if [a.type for a in after] != [f.type for f in first]:
-        raise SceneError(
-            f"a loop's step gives {[a.type.name for a in after]} for a state of {[f.type.name for f in first]}",
-            legal="as many values as the state has, of the same types",
-        )
+        what = f"a loop's step gives {[a.type.name for a in after]} for a state of {[f.type.name for f in first]}"
+        raise SceneError(what, legal="as many values as the state has, of the same types")
     if leave is not None and leave.type is not BOOL:
         raise SceneError(f"a loop's until gives {leave.type}", legal="a condition such as a > b")
     return close_loop(count, index, carried, after, leave, first)

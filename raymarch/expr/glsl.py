@@ -643,11 +643,9 @@ def _uniforms(expressions: Sequence[Expr], taken: frozenset[str]) -> dict[str, E
         name = uniform_name(leaf, taken)
         other = uniforms.setdefault(name, leaf)
         if other is not leaf:
-            raise SceneError(
-                f"the parameters '{other.data.name}' and '{leaf.data.name}' would both be {name} in GLSL",
-                legal="one Param, used twice, or names that differ in letters or digits",
-                where=leaf.data.where,
-            )
+            what = f"the parameters '{other.data.name}' and '{leaf.data.name}' would both be {name} in GLSL"
+            legal = "one Param, used twice, or names that differ in letters or digits"
+            raise SceneError(what, legal=legal, where=leaf.data.where)
     return uniforms
 
 

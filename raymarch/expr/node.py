@@ -95,18 +95,14 @@ class Expr:
         return self
 
     def __bool__(self) -> bool:
-        raise SceneError(
-            f"an expression ({self.op}: {self.type}) has no truth value while the scene is being built",
-            legal="use rm.where(condition, a, b) in place of if, and & | ~ in place of and, or, not",
-        )
+        what = f"an expression ({self.op}: {self.type}) has no truth value while the scene is being built"
+        raise SceneError(what, legal="use rm.where(condition, a, b) in place of if, and & | ~ in place of and, or, not")
 
     def __float__(self) -> float:
         if self.op == "const" and self.type is FLOAT:
             return float(self.data)
-        raise SceneError(
-            f"an expression ({self.op}: {self.type}) has no numeric value: it is computed for each frame or point",
-            legal="rm.sin in place of math.sin, and likewise for other functions",
-        )
+        what = f"an expression ({self.op}: {self.type}) has no numeric value: it is computed for each frame or point"
+        raise SceneError(what, legal="rm.sin in place of math.sin, and likewise for other functions")
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
         """NumPy's universal functions, such as `np.sin(expr)` and `array * expr`."""
@@ -280,10 +276,8 @@ def _type_of_shape(array: NDArray[Any]) -> Type:
         return vector(array.size)
     if array.ndim == 2 and array.shape[0] == array.shape[1] and 2 <= array.shape[0] <= 4:
         return MATRICES[array.shape[0]]
-    raise SceneError(
-        f"an array of shape {array.shape} is not a value of the expression language",
-        legal="a number, a vector of 2 to 4 numbers or a square matrix",
-    )
+    what = f"an array of shape {array.shape} is not a value of the expression language"
+    raise SceneError(what, legal="a number, a vector of 2 to 4 numbers or a square matrix")
 
 
 def expr(value: Operand) -> Expr:
@@ -397,9 +391,8 @@ def construct(*parts: Operand) -> Expr:
     args = tuple(map(expr, parts))
     size = sum(arg.type.size for arg in args)
     if not 2 <= size <= 4 or any(arg.type is BOOL or arg.type.is_matrix for arg in args):
-        raise SceneError(
-            f"no vector of {', '.join(arg.type.name for arg in args)}", legal="2 to 4 numbers in all, no matrices"
-        )
+        what = f"no vector of {', '.join(arg.type.name for arg in args)}"
+        raise SceneError(what, legal="2 to 4 numbers in all, no matrices")
     return simplify("construct", vector(size), args)
 
 

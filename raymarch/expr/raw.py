@@ -94,17 +94,13 @@ def evaluate(node: Expr, p: Array) -> Array:
     """NumPy row of "raw"."""
     function: RawFunction = node.data
     if function.twin is None:
-        raise SceneError(
-            f"the GLSL function {function.name} has no NumPy twin, so only the GPU can evaluate it",
-            legal="glsl_node(..., twin=a function from points (N, 3) to distances (N,))",
-        )
+        what = f"the GLSL function {function.name} has no NumPy twin, so only the GPU can evaluate it"
+        raise SceneError(what, legal="glsl_node(..., twin=a function from points (N, 3) to distances (N,))")
     points = p.reshape(-1, 3)
     values = np.asarray(function.twin(points), p.dtype)
     if values.shape != (len(points),):
-        raise SceneError(
-            f"the twin of {function.name} gives shape {values.shape} for points of shape {points.shape}",
-            legal=f"({len(points)},)",
-        )
+        what = f"the twin of {function.name} gives shape {values.shape} for points of shape {points.shape}"
+        raise SceneError(what, legal=f"({len(points)},)")
     return values.reshape(p.shape[:-1])
 
 

@@ -121,9 +121,8 @@ def record(type: Type, *values: Operand) -> Expr:
     """A value of a struct type, from its fields in order."""
     args = tuple(map(expr, values))
     if tuple(a.type for a in args) != tuple(t for _, t in type.fields):
-        raise SceneError(
-            f"{type}({', '.join(a.type.name for a in args)})", legal=", ".join(t.name for _, t in type.fields)
-        )
+        what = f"{type}({', '.join(a.type.name for a in args)})"
+        raise SceneError(what, legal=", ".join(t.name for _, t in type.fields))
     return simplify("record", type, args)
 
 

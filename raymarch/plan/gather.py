@@ -162,11 +162,8 @@ class _Gatherer:
 
     def _refuse_instances(self, node: Node) -> None:
         if any(rows_of(each) is not None for each in all_nodes(node)[1:]):
-            raise PlanError(
-                f"{node.name} of instances",
-                legal="unions, intersections, differences, blends that end at a distance, and rigid transforms",
-                where=node.where,
-            )
+            legal = "unions, intersections, differences, blends that end at a distance, and rigid transforms"
+            raise PlanError(f"{node.name} of instances", legal=legal, where=node.where)
 
     # Unions
 

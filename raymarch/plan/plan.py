@@ -388,17 +388,11 @@ def _refuse_mixed(scene: Scene, standalone: bool) -> bool:
     found = {"aperture": scene.camera.lens, "shutter": scene.motion_blur}
     for name, used in found.items():
         if used and scene.quality.steps_per_pass is not None:
-            raise PlanError(
-                f"Quality(steps_per_pass=...) marches one ray per pixel, and Camera({name}=...) needs many",
-                legal=f"steps_per_pass=None, or {name}=0",
-                where=scene.camera.where,
-            )
+            what = f"Quality(steps_per_pass=...) marches one ray per pixel, and Camera({name}=...) needs many"
+            raise PlanError(what, legal=f"steps_per_pass=None, or {name}=0", where=scene.camera.where)
     if found["shutter"] and standalone:
-        raise PlanError(
-            "Camera(shutter=...): an exported shader draws one moment",
-            legal="shutter=0, or a picture or film by `raymarch render`",
-            where=scene.camera.where,
-        )
+        what = "Camera(shutter=...): an exported shader draws one moment"
+        raise PlanError(what, legal="shutter=0, or a picture or film by `raymarch render`", where=scene.camera.where)
     return any(found.values())
 
 
@@ -406,11 +400,9 @@ def _refuse_hidden_glass(scene: Scene, solid: Node) -> None:
     """PlanError for glass that rays which start at surfaces do not see: they would enter it and never leave it."""
     glass = any(m is not None and m.transmits for m in labels_hidden_from(solid, "reflection"))
     if glass and (scene.path_traced or scene.whitted):
-        raise PlanError(
-            "visible(reflection=False) hides a part that transmits light: its refracted rays would not leave it",
-            legal="reflection=True for glass, or a scene without bounces",
-            where=hiding_nodes(solid)[0].where,
-        )
+        what = "visible(reflection=False) hides a part that transmits light: its refracted rays would not leave it"
+        legal = "reflection=True for glass, or a scene without bounces"
+        raise PlanError(what, legal=legal, where=hiding_nodes(solid)[0].where)
 
 
 def _textures_of(made: Plan) -> list[Samples | Texels | Table]:

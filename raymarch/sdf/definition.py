@@ -145,16 +145,13 @@ class Definition:
             on_symbols = _reordered(self.source, extra, dict(statics), list(self.domains))
             traced = trace(self.called, on_symbols, symbols, self.source.__code__)
             if traced.type is not FLOAT:
-                raise SceneError(
-                    f"{self.called} gives a {traced.type}", legal="a distance, one number", where=self.where
-                )
+                what = f"{self.called} gives a {traced.type}"
+                raise SceneError(what, legal="a distance, one number", where=self.where)
             hidden = [loop for loop in find([traced.body], "loop") if find(loop.data.inner, "apply")]
             if hidden:
-                raise SceneError(
-                    f"{self.called} evaluates its child inside a loop of the expression language",
-                    legal="a loop of Python, or the child evaluated after the loop",
-                    where=self.where,
-                )
+                what = f"{self.called} evaluates its child inside a loop of the expression language"
+                legal = "a loop of Python, or the child evaluated after the loop"
+                raise SceneError(what, legal=legal, where=self.where)
             self._refuse_infinite(traced)
             self._templates.setdefault(key, traced)  # another thread may have been faster
         return self._templates[key]
@@ -240,10 +237,8 @@ class Definition:
         for i, (below, own) in enumerate(members):
             steep = steepest[i] if declared else max((facts.lipschitz for facts in below), default=1.0)
             if not 0 < steep < np.inf:
-                raise SceneError(
-                    f"{self.called} has no finite Lipschitz bound here ({steep})",
-                    legal="a bounded child, and parameters with a finite range",
-                )
+                what = f"{self.called} has no finite Lipschitz bound here ({steep})"
+                raise SceneError(what, legal="a bounded child, and parameters with a finite range")
             exactness = worst(_value(self.exactness, below, own), *[facts.exactness for facts in below])
             convex = bool(_value(self.convex, below, own))
             found.append(
@@ -287,9 +282,8 @@ class Definition:
         region = self.bounds(*extra, **arguments)
         corners = region if isinstance(region, tuple) else (region, region)
         if len(corners) != 2 or any(expr(corner).type is not vector(self.dimension) for corner in corners):
-            raise SceneError(
-                f"{self.called}: bounds gives {short(region)}", legal="the corners (lower, upper), such as cube(half)"
-            )
+            what = f"{self.called}: bounds gives {short(region)}"
+            raise SceneError(what, legal="the corners (lower, upper), such as cube(half)")
         lower, upper = corners
         steep, spread = _value(self.lipschitz, extra, arguments), _value(self.spread, extra, arguments)
         roots = [*map(expr, (lower, upper, 0.0 if steep is None else steep, np.inf if spread is None else spread))]
@@ -447,9 +441,8 @@ def _of_all(what: str, rule: Rule, arity: str, of_all: bool, names: Sequence[str
         signature.bind(*range(children), **dict.fromkeys(taken))
     except TypeError:
         shown = {"none": [], "one": ["child"], "many": ["*children" if of_all else "children"]}[arity]
-        raise SceneError(
-            f"{what} takes {signature}", legal=f"it receives {', '.join([*shown, *names])}", where=where
-        ) from None
+        legal = f"it receives {', '.join([*shown, *names])}"
+        raise SceneError(f"{what} takes {signature}", legal=legal, where=where) from None
     if len(taken) == len(names):
         return rule
     return lambda *facts, **given: rule(*facts, **{name: given[name] for name in taken})
@@ -466,10 +459,8 @@ def _takes(rule: Rule, children: int, names: Sequence[str]) -> bool:
 
 def _require(name: str, exactness: Any, bounds: Any) -> None:
     if bounds is None or exactness is None:
-        raise SceneError(
-            f"{name} states no {'bounds' if bounds is None else 'exactness'}",
-            legal="@shape(exactness='exact' | 'bound' | 'estimate', bounds=function giving (lower, upper))",
-        )
+        legal = "@shape(exactness='exact' | 'bound' | 'estimate', bounds=function giving (lower, upper))"
+        raise SceneError(f"{name} states no {'bounds' if bounds is None else 'exactness'}", legal=legal)
     if not callable(exactness) and exactness not in ("exact", "bound", "estimate"):
         raise SceneError(f"{name}: exactness = {short(exactness)}", legal="'exact', 'bound' or 'estimate'")
 

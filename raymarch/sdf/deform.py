@@ -47,10 +47,8 @@ def _reach(node: Node, name: str, axes: str) -> float:
     corner = np.maximum(np.abs(node.facts.lower), np.abs(node.facts.upper))[picks]
     reach = float(np.linalg.norm(corner))
     if not np.isfinite(reach):
-        raise SceneError(
-            f"{name}: {node.name} is unbounded across {axes}, so its stretch has no limit",
-            legal="a bounded solid; intersect it with a box first",
-        )
+        what = f"{name}: {node.name} is unbounded across {axes}, so its stretch has no limit"
+        raise SceneError(what, legal="a bounded solid; intersect it with a box first")
     return reach if reach > 0.0 else 1.0
 
 
@@ -61,9 +59,8 @@ def _check_reach(axes: str) -> Any:
         corner = np.maximum(np.abs(child.lower), np.abs(child.upper))[["xyz".index(axis) for axis in axes]]
         known, least = float(interval_of(reach)[0]), float(np.linalg.norm(corner))
         if not least <= known * (1 + 1e-12):
-            raise SceneError(
-                f"reach = {known:g}, but the solid reaches {least:g} across {axes}", legal=f"reach >= {least:g}"
-            )
+            what = f"reach = {known:g}, but the solid reaches {least:g} across {axes}"
+            raise SceneError(what, legal=f"reach >= {least:g}")
 
     return check
 
@@ -148,15 +145,12 @@ def taper_slope(rate: Scalar, reach: Scalar, low: Scalar, high: Scalar) -> Expr:
 def _check_taper(child: Facts, rate: Expr, reach: Expr, low: Expr, high: Expr) -> None:
     _check_reach("xz")(child, reach=reach)
     if not (float(interval_of(low)[1]) <= child.lower[1] and child.upper[1] <= float(interval_of(high)[0])):
-        raise SceneError(
-            "taper: the solid extends beyond low or high", legal="low and high outside the bounds of the solid"
-        )
+        what = "taper: the solid extends beyond low or high"
+        raise SceneError(what, legal="low and high outside the bounds of the solid")
     least = np.min([interval_of(1.0 + rate * end)[0] for end in (low, high)])
     if not least > 0.01:
-        raise SceneError(
-            f"taper: the solid shrinks to {float(least):g} of its width at one end",
-            legal="a rate that leaves at least 0.01 of the width over the solid's height",
-        )
+        what = f"taper: the solid shrinks to {float(least):g} of its width at one end"
+        raise SceneError(what, legal="a rate that leaves at least 0.01 of the width over the solid's height")
 
 
 @operator(
@@ -266,16 +260,13 @@ def _check_wrapped(
     """SceneError unless the slab fits its ring, leaves the axis free, and is evaluated twice if it is not symmetric."""
     bottom, top = np.maximum(child.lower[1], -UNBOUNDED), np.minimum(child.upper[1], UNBOUNDED)
     if not (interval_of(low)[1] <= bottom and top <= interval_of(high)[0]):
-        raise SceneError(
-            "wrapped: the solid extends beyond low or high", legal="low and high outside the bounds of the solid"
-        )
+        what = "wrapped: the solid extends beyond low or high"
+        raise SceneError(what, legal="low and high outside the bounds of the solid")
     first, last, radius = interval_of(start)[1], interval_of(end)[0], interval_of((end - start) / math.tau)
     slack = 1e-9 * float(radius[1])
     if not (child.lower[0] >= first - slack and child.upper[0] <= last + slack and radius[0] > 0.0):
-        raise SceneError(
-            f"wrap_around: the solid reaches along x from {child.lower[0]:g} to {child.upper[0]:g}",
-            legal="start and end around the solid; cut an unbounded solid, as `node & box(...)`",
-        )
+        what = f"wrap_around: the solid reaches along x from {child.lower[0]:g} to {child.upper[0]:g}"
+        raise SceneError(what, legal="start and end around the solid; cut an unbounded solid, as `node & box(...)`")
     if not (-child.lower[2] <= interval_of(below)[0] and child.upper[2] <= interval_of(above)[0]) or not (
         radius[0] > interval_of(below)[1]
     ):

@@ -48,10 +48,8 @@ def _placements(transforms: ArrayLike) -> tuple[Array | None, Array]:
             row = int(np.argmax(np.any(given[:, :, 3] != (0.0, 0.0, 0.0, 1.0), axis=1)))
             turned = np.array_equal(given[row, 3], (0.0, 0.0, 0.0, 1.0))
             hint = ", for column vectors, it seems: pass its transpose" if turned else ""
-            raise SceneError(
-                f"instances: transforms[{row}] has the last column {given[row, :, 3].tolist()}{hint}",
-                legal="last column (0, 0, 0, 1)",
-            )
+            what = f"instances: transforms[{row}] has the last column {given[row, :, 3].tolist()}{hint}"
+            raise SceneError(what, legal="last column (0, 0, 0, 1)")
         linear, offsets = np.swapaxes(given[:, :3, :3], 1, 2), given[:, 3, :3]
     elif given.ndim == 3 and given.shape[1:] == (3, 4):
         linear, offsets = given[:, :, :3], given[:, :, 3]
@@ -115,9 +113,8 @@ def rows_from(node: Node, transforms: ArrayLike, materials: Any) -> Rows:
     if find([body], "param", "time", "cell", "raw", "raw_slope"):
         raise SceneError(f"instances of {node.name}", legal="a solid without Param, time and GLSL of its own")
     if hiding_nodes(node):
-        raise SceneError(
-            "instances of a solid with parts that are hidden by visible", legal="instances(...).visible(...)"
-        )
+        what = "instances of a solid with parts that are hidden by visible"
+        raise SceneError(what, legal="instances(...).visible(...)")
     linear, offsets = _placements(transforms)
     n = len(offsets)
     offset = var("offset", VEC3)

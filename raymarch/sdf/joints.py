@@ -176,10 +176,8 @@ def transition(a: Node, b: Node, start: Vector, end: Vector) -> Node:
         if not isinstance(node, Node) or node.dimension != 3:
             raise SceneError(f"transition: {name} = {short(node)}", legal="a solid such as sphere()")
         if not node.facts.bounded:
-            raise SceneError(
-                f"transition: {name} ({node.name}) is unbounded",
-                legal="bounded solids: cut it first, as `node & box(...)`",
-            )
+            what = f"transition: {name} ({node.name}) is unbounded"
+            raise SceneError(what, legal="bounded solids: cut it first, as `node & box(...)`")
     ends = tuple(as_operand(f"transition: {n}", v, "3 numbers") for n, v in (("start", start), ("end", end)))
     if ends[0] is ends[1]:
         raise SceneError(f"transition: start = end = {short(start)}", legal="two different points")

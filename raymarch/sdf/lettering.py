@@ -418,7 +418,6 @@ def _coverage(source: str | os.PathLike[str] | ArrayLike) -> Array:
         raise SceneError(f"image: an array of shape {array.shape}, {array.dtype}", legal="(rows, columns) of numbers")
     values = array.astype(np.float64) / (255.0 if array.dtype.kind in "iu" else 1.0)
     if not np.all((values >= 0.0) & (values <= 1.0)):
-        raise SceneError(
-            f"image: values from {array.min()} to {array.max()}", legal="0 to 255 for integers, else 0 to 1"
-        )
+        what = f"image: values from {array.min()} to {array.max()}"
+        raise SceneError(what, legal="0 to 255 for integers, else 0 to 1")
     return values

@@ -247,11 +247,9 @@ class Lowering:
         body = run(request, lambda each: self._noted(*each), lambda each: (id(each[0]), *each[1:]), self._done)
         body = self._probed(body, q, root, None)
         if find([body], "cell"):
-            raise SceneError(
-                f"{root.name} depends on the index of a cell outside of repeat_varied",
-                legal="the index only inside the function that repeat_varied calls",
-                where=root.where,
-            )
+            what = f"{root.name} depends on the index of a cell outside of repeat_varied"
+            legal = "the index only inside the function that repeat_varied calls"
+            raise SceneError(what, legal=legal, where=root.where)
         return Function(name, (p,), body, self.names, root.where)
 
     def _count_sites(self, root: Node) -> None:

@@ -198,10 +198,9 @@ def _measured(
     """The function with its amplitude and slope. If they hold only in a box, the function is constant outside of it."""
     jumps = find([function.body], *JUMPS, outside=(lattice_noise,))
     if lipschitz is None and jumps:
-        raise SceneError(
-            f"displace_by: the function uses '{jumps[0].op}', so its Lipschitz constant cannot be derived",
-            legal="lipschitz = the most by which it changes a unit of length; that of rm.value_noise(p) is known",
-        )
+        what = f"displace_by: the function uses '{jumps[0].op}', so its Lipschitz constant cannot be derived"
+        legal = "lipschitz = the most by which it changes a unit of length; that of rm.value_noise(p) is known"
+        raise SceneError(what, legal=legal)
 
     def over(lower: Any, upper: Any) -> tuple[Any, Any]:
         size, slope = _steepest(function, lower, upper)
@@ -214,10 +213,8 @@ def _measured(
     if finite(found := over(-everywhere, everywhere)):
         return function, *found
     if not node.facts.bounded:
-        raise SceneError(
-            f"displace_by: {node.name} is unbounded, so the function has no limit over it",
-            legal="a bounded solid, as `node & box(...)`; or amplitude and lipschitz as numbers",
-        )
+        what = f"displace_by: {node.name} is unbounded, so the function has no limit over it"
+        raise SceneError(what, legal="a bounded solid, as `node & box(...)`; or amplitude and lipschitz as numbers")
     lower, upper = node.bounds
     for margin in (1.0, 2.0, 4.0):
         reach = node.facts.spread * margin * float(interval_of(expr(over(*node.bounds)[0]))[1])
@@ -225,10 +222,8 @@ def _measured(
         found = over(lower, upper)
         if finite(found) and node.facts.spread * float(interval_of(expr(found[0]))[1]) <= reach:
             return _held_outside(function, lower, upper), *found
-    raise SceneError(
-        f"displace_by: amplitude and slope of the function over {node.name} have no limit",
-        legal="amplitude and lipschitz as numbers",
-    )
+    what = f"displace_by: amplitude and slope of the function over {node.name} have no limit"
+    raise SceneError(what, legal="amplitude and lipschitz as numbers")
 
 
 def _steepest(function: Function, lower: Any, upper: Any) -> tuple[float, float]:

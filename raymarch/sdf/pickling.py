@@ -54,10 +54,8 @@ def name_of(definition: Definition) -> tuple[str, str, bool]:
     module, name = definition.source.__module__, definition.source.__qualname__
     found = _defined(sys.modules.get(module), name)
     if found is None or definition not in (found, found.flat):
-        raise SceneError(
-            f"pickle: the definition '{definition.name}' ({definition.where}) is not found as {module}.{name}",
-            legal="a definition at the top level of a module that can be imported",
-        )
+        what = f"pickle: the definition '{definition.name}' ({definition.where}) is not found as {module}.{name}"
+        raise SceneError(what, legal="a definition at the top level of a module that can be imported")
     return module, name, definition is not found
 
 
@@ -82,19 +80,16 @@ def _definition(name: Any) -> Definition:
         found, flat = None, False
     made = found.flat if found is not None and flat else found
     if made is None:
-        raise SceneError(
-            f"unpickling: no definition {short(name)}", legal="a definition at the top level of a module that is here"
-        )
+        what = f"unpickling: no definition {short(name)}"
+        raise SceneError(what, legal="a definition at the top level of a module that is here")
     return made
 
 
 def check_name(function: FunctionType, what: str) -> None:
     """SceneError for a Python function that is not to be found by its name."""
     if _named(sys.modules.get(function.__module__), function.__qualname__) is not function:
-        raise SceneError(
-            f"pickle: {what} {short(function)} is not found by its name",
-            legal="a function at the top level of a module that can be imported",
-        )
+        legal = "a function at the top level of a module that can be imported"
+        raise SceneError(f"pickle: {what} {short(function)} is not found by its name", legal=legal)
 
 
 # Tables

@@ -124,9 +124,8 @@ _suspected: set[Location | None] = set()
 def _check_angle(what: str, angle: Any) -> None:
     """SceneError for what looks like an axis; a SceneWarning for a number that is likely an angle in degrees."""
     if isinstance(angle, str | tuple | list):
-        raise SceneError(
-            f"{what}: angle = {short(angle)}", legal=f'an angle in radians, then an axis: {what}(0.5, "y")'
-        )
+        legal = f'an angle in radians, then an axis: {what}(0.5, "y")'
+        raise SceneError(f"{what}: angle = {short(angle)}", legal=legal)
     given: Any = plain(angle)
     if isinstance(given, bool) or not isinstance(given, int | float) or not {given, -given} & DEGREES:
         return
@@ -268,10 +267,8 @@ def transform(node: Node, matrix: ArrayLike) -> Node:
     corner = [0.0] * n + [1.0]
     m = numbers("transform: matrix", matrix, f"{n + 1}x{n + 1} finite numbers")
     if m.shape != (n + 1, n + 1) or not holdable(m):
-        raise SceneError(
-            f"transform: a matrix of shape {m.shape}, values {short(m.tolist())}",
-            legal=f"{n + 1}x{n + 1} finite numbers",
-        )
+        what = f"transform: a matrix of shape {m.shape}, values {short(m.tolist())}"
+        raise SceneError(what, legal=f"{n + 1}x{n + 1} finite numbers")
     if not np.array_equal(m[:, n], corner):
         for_columns = np.array_equal(m[n], corner)
         hint = "for column vectors, it seems: pass its transpose" if for_columns else "not affine"
@@ -280,9 +277,8 @@ def transform(node: Node, matrix: ArrayLike) -> Node:
     linear = m[:n, :n].T
     singular = np.linalg.svd(linear, compute_uv=False)
     if singular[-1] <= 1e-12 * singular[0] or singular[-1] == 0.0:
-        raise SceneError(
-            f"transform: singular matrix, its stretches are {singular.tolist()}", legal="an invertible matrix"
-        )
+        what = f"transform: singular matrix, its stretches are {singular.tolist()}"
+        raise SceneError(what, legal="an invertible matrix")
     return affine(node, linear, np.linalg.inv(linear), m[n, :n], float(singular[-1]))
 
 

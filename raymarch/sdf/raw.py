@@ -98,21 +98,17 @@ def glsl_node(
     """
     plain = without_comments(code) if isinstance(code, str) else ""
     if not isinstance(name, str) or len(name) > 64 or identifier(name, ()) != name:
-        raise SceneError(
-            f"glsl_node: name = {short(name)}", legal="a name that is free in GLSL: letters, digits, single _"
-        )
+        what = f"glsl_node: name = {short(name)}"
+        raise SceneError(what, legal="a name that is free in GLSL: letters, digits, single _")
     if not re.search(rf"\bfloat\s+{name}\s*\(\s*(const\s+)?(in\s+)?(highp\s+)?vec3\s+\w+\s*\)\s*\{{", plain):
-        raise SceneError(
-            f"glsl_node: the code has no function float {name}(vec3 p)", legal=f"float {name}(vec3 p) {{...}}"
-        )
+        what = f"glsl_node: the code has no function float {name}(vec3 p)"
+        raise SceneError(what, legal=f"float {name}(vec3 p) {{...}}")
     if re.search(r"\bvoid\s+main\b|#\s*version", plain) or plain.count("{") != plain.count("}"):
         raise SceneError("glsl_node: the code is a whole shader, or has open braces", legal="functions only")
     choice("glsl_node: exactness", exactness, ORDER, "'exact', 'bound' or 'estimate'")
     lipschitz = real("glsl_node: lipschitz", lipschitz, float(np.finfo(np.float32).tiny), legal="a number > 0")
     if twin is not None and not callable(twin):
-        raise SceneError(
-            f"glsl_node: twin = {short(twin)}", legal="a function from points (N, 3) to values (N,), or None"
-        )
+        raise SceneError(f"glsl_node: twin = {short(twin)}", legal="a function from points (N, 3) to (N,), or None")
     legal = "two corners of three numbers each, lower < upper"
     everywhere = (-np.inf,) * 3, (np.inf,) * 3
     lower, upper = corners_of("glsl_node: bounds", everywhere if bounds is None else bounds, legal)
