@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
-from raymarch.expr.arrays import FLOAT32, FLOAT64, Remembered, bound, evaluator
+from raymarch.expr.arrays import FLOAT32, FLOAT64, Remembered, bound, evaluator, evaluator_of
 from raymarch.expr.derivative import companion, state_gradient
 from raymarch.expr.function import Function, loop
 from raymarch.expr.node import Expr, const, construct, make, swizzle, var
@@ -196,10 +196,6 @@ class Columns:
         return Function(name, (self.point, *self.params), replaced, {}, where)
 
     @cached_property
-    def _distance(self) -> Callable[..., tuple[Any, ...]]:
-        return evaluator([self.field.body], self.field.params)
-
-    @cached_property
     def _single(self) -> Callable[..., Any]:
         run = evaluator([self.field.body], self.field.params, np.float32)
         narrow = [column.astype(np.float32) for column in self._values]
@@ -210,21 +206,16 @@ class Columns:
 
         return distance
 
-    @cached_property
-    def _gradient(self) -> Callable[..., tuple[Any, ...]]:
-        made = companion(self.field)
-        return evaluator([made.body], made.params)
-
     def distance(self, points: Array, rows: Any, dtype: Any = np.float64) -> Array:
         """Distances; points (..., 3) and rows, integers or a slice, are broadcast."""
         if dtype is np.float32:
             return self._single(points, rows)
-        (value,) = self._distance(points, *(column[rows] for column in self.values))
+        (value,) = evaluator_of(self.field)(points, *(column[rows] for column in self.values))
         return np.asarray(value, np.float64)
 
     def gradient(self, points: Array, rows: Any) -> Array:
         """Gradient and distance, (..., 4)."""
-        (value,) = self._gradient(points, *(column[rows] for column in self.values))
+        (value,) = evaluator_of(companion(self.field))(points, *(column[rows] for column in self.values))
         return np.asarray(value, np.float64)
 
 

@@ -97,9 +97,8 @@ def _inexact(node: Node, points: Points, field: Points, size: float) -> Iterator
     gradient = node.gradient(points)
     with np.errstate(all="ignore"):
         left = np.abs(node.distance(points - field[..., None] * gradient))
-    wrong = np.nan_to_num(left, nan=np.inf) > 1e-5 * (size + np.abs(field))
-    if np.count_nonzero(wrong) > FEW * len(points):
-        k = int(np.argmax(np.where(wrong, left, -1.0)))
+    k = _worst(np.nan_to_num(left, nan=np.inf), 1e-5 * (size + np.abs(field)))
+    if k is not None:
         yield (
             f"the field is {field[k]:.4g} at {_shown(points[k])}, but the surface is not at that distance along the "
             f"gradient: not exact"
@@ -111,12 +110,17 @@ def _asymmetric(node: Node, points: Points, field: Points, size: float, axis: st
     mirrored = points * np.where(np.arange(node.dimension) == "xyz".index(axis), -1.0, 1.0)
     with np.errstate(all="ignore"):
         gap = np.abs(node.distance(mirrored) - field)
-    wrong = gap > 1e-6 * (size + np.abs(field))
-    if np.count_nonzero(wrong) > FEW * len(points):
-        k = int(np.argmax(np.where(wrong, gap, -1.0)))
+    k = _worst(gap, 1e-6 * (size + np.abs(field)))
+    if k is not None:
         yield (
             f"the field is {field[k]:.4g} at {_shown(points[k])}, and differs by {gap[k]:.3g} if {axis} changes sign"
         )
+
+
+def _worst(errors: Points, legal: Points) -> int | None:
+    """The number of the point with the largest error; None if no more than `FEW` are larger than is legal."""
+    wrong = errors > legal
+    return int(np.argmax(np.where(wrong, errors, -1.0))) if np.count_nonzero(wrong) > FEW * len(wrong) else None
 
 
 def _size(facts: Facts) -> float:
