@@ -23,6 +23,14 @@ def reads(file: str | os.PathLike[str]) -> None:
     sys.audit("open", os.fspath(file), "rb", 0)
 
 
+def package(what: str, name: str, extra: str, error: type[RaymarchError] = SceneError) -> Any:
+    """An optional package. `error`, with what needs it and the command to install it, if it is missing."""
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise error(f"{what} needs the package {name}", legal=f"pip install 'raymarch[{extra}]'") from None
+
+
 def write(file: Path, writer: Callable[[Path], object], error: type[RaymarchError] = SceneError) -> None:
     """`written` with a function that writes."""
     with written(file, error) as partial:

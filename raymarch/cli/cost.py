@@ -31,14 +31,14 @@ from raymarch.cost.effects import Effect, ablate, ablations, evaluations_of
 from raymarch.cost.effects import table as effects_table
 from raymarch.cost.errors import check_followed
 from raymarch.cost.html import as_html, templates
-from raymarch.cost.maps import plotting
 from raymarch.cost.plots import figure, save
 from raymarch.cost.reference import Reference, reference
 from raymarch.cost.settings import Setting, axes, grid, parse_values
 from raymarch.cost.sweep import METRICS, Point, Progress, Sweep, environment, sweep
 from raymarch.cost.text import FORMAT, as_csv, as_json, findings, in_table, light_table, table
 from raymarch.cost.variants import ideal_of
-from raymarch.files import write
+from raymarch.errors import CostError
+from raymarch.files import package, write
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
@@ -292,7 +292,7 @@ def _check_files(files: dict[str, Path | None]) -> None:
         if not file.absolute().parent.is_dir():
             raise CommandError(f"{option} {file}: no folder '{file.parent}'", legal="a writable folder")
         if option == "--plot":
-            plotting()
+            package("a figure", "matplotlib", "report", CostError)
         if option == "--html":
             templates()
 

@@ -18,8 +18,9 @@ from raymarch.cluster.worker import Done, Refused
 from raymarch.cost.settings import Setting
 from raymarch.cost.sweep import Progress, Sweep
 from raymarch.export.film import FILMS
-from raymarch.export.sequence import Contents, Item, edge_of, is_large, tiff_package, tiles_of
+from raymarch.export.sequence import Contents, Item, edge_of, is_large, tiles_of
 from raymarch.export.stills import FORMATS, Shot, key_of
+from raymarch.files import package
 from raymarch.scene.quality import Quality
 
 
@@ -60,7 +61,7 @@ def render_on_cluster(
     tiled = shot.suffix in FORMATS and shot.view == "final" and quality.rays == "computed" and not scene.post
     if not film and tiled:
         if target.suffix.lower() in (".tif", ".tiff") and is_large(shot.size):
-            tiff_package(target)
+            package(f"a large '{target}'", "tifffile", "tiff")
         items, shot, what = (
             tiles_of(target, items[0].time, shot.size, edge_of(shot.size), CommandError),
             replace(shot, suffix=".png"),

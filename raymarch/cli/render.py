@@ -41,14 +41,12 @@ from raymarch.export.sequence import (
     is_large,
     join_film,
     join_tiles,
-    tiff_package,
     tiles_of,
 )
 from raymarch.export.stills import FORMATS, Shot, draw, encoder, is_whole, key_of
-from raymarch.files import write
+from raymarch.files import package, write
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.file import load
-from raymarch.scene.images import exr_package
 from raymarch.scene.parameter import set_values
 from raymarch.scene.quality import PRESETS, Quality
 from raymarch.scene.scene import Scene
@@ -189,7 +187,7 @@ def run(
                 f"--error or --within with {width}x{height} pixels", legal=f"up to {LARGE} pixels and edges of {LONG}"
             )
         if suffix in (".tif", ".tiff"):
-            tiff_package(target)
+            package(f"a large '{target}'", "tifffile", "tiff")
         whole, whole_shot = items[0], shot
         items = tiles_of(target, items[0].time, (width, height), EDGE, CommandError)
         shot = replace(shot, suffix=".png")
@@ -291,7 +289,7 @@ def _items(target: Path, time: float | None, frames: str | None, fps: float, siz
         if target.suffix.lower() in FILMS:
             raise CommandError(f"a film '{target}' without --frames", legal="--frames A:B, such as 0:90")
         if target.suffix.lower() == ".exr":
-            exr_package(target)
+            package(f"'{target}'", "OpenEXR", "exr")
         return [Item("the picture", 0.0 if time is None else time, target, size)]
     if time is not None:
         raise CommandError("--time together with --frames", legal="one of them")

@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 from raymarch.errors import ClusterError
+from raymarch.files import package
 
 CONNECT = 10.0
 """Seconds to wait for a scheduler to answer."""
@@ -21,15 +22,6 @@ Dask counts a death for all tasks that were assigned to the worker, not only for
 """
 
 LEGAL = "local, local:N with N workers, or tcp://HOST:PORT"
-
-
-def package(what: str) -> Any:
-    """The package distributed. ClusterError if it is not installed."""
-    try:
-        import distributed
-    except ImportError:
-        raise ClusterError(f"{what} needs the package distributed", legal="pip install 'raymarch[cluster]'") from None
-    return distributed
 
 
 def check_address(address: str) -> int | None:
@@ -51,7 +43,7 @@ def connected(address: str, timeout: float) -> Iterator[Any]:
     timeout : seconds after which a local worker that does not answer is replaced. Raises ClusterError if the scheduler
     does not answer.
     """
-    distributed = package("--cluster")
+    distributed = package("--cluster", "distributed", "cluster", ClusterError)
     number = check_address(address)
     if number is not None:
         with _local(distributed, number, timeout) as client:

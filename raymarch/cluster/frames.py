@@ -15,7 +15,6 @@ from operator import length_hint
 from pathlib import Path
 from typing import Any, TypeVar
 
-from raymarch.cluster.connect import package
 from raymarch.cluster.source import Source, of_file, of_scene
 from raymarch.cluster.submit import RETRIES, Cluster, Failed
 from raymarch.cluster.worker import Done, Job, Refused, draw_batch, draw_item, merge
@@ -27,7 +26,7 @@ from raymarch.export.sequence import Contents, Item, frames_of, join_film
 from raymarch.export.stills import Shot, is_whole, key_of
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import instance, integer, optional, real, short, switch
-from raymarch.files import write, written
+from raymarch.files import package, write, written
 from raymarch.gpu.part import Part
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.views import VIEWS
@@ -251,7 +250,7 @@ def render_frames(
         instance(
             "render_frames: client",
             client,
-            package("render_frames with a client").Client,
+            package("render_frames with a client", "distributed", "cluster", ClusterError).Client,
             "a distributed.Client, or None",
         )
         source, made = (of_scene(scene), scene) if isinstance(scene, Scene) else of_file(scene)

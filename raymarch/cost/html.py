@@ -17,15 +17,13 @@ from raymarch.cost.maps import FLIP_SCALE, FOOTPRINT_SCALE, WRONG, band_colors
 from raymarch.cost.sweep import Point, Sweep
 from raymarch.cost.text import findings, in_table, labelled, light_table, lights_of, table
 from raymarch.errors import CostError
+from raymarch.files import package
 from raymarch.gpu.scale import Scale
 
 
 def templates() -> Any:
-    """Import jinja2 and return the environment of the page's templates. CostError with the command to install it."""
-    try:
-        import jinja2
-    except ImportError:
-        raise CostError("the page needs jinja2", legal="pip install 'raymarch[report]'") from None
+    """The environment of the page's templates. CostError if jinja2 is not installed."""
+    jinja2 = package("the page", "jinja2", "report", CostError)
     return jinja2.Environment(loader=jinja2.FunctionLoader(_text), autoescape=True, undefined=jinja2.StrictUndefined)
 
 

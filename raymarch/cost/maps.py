@@ -12,7 +12,6 @@ from PIL import Image
 
 from raymarch.cost.errors import apart, footprints
 from raymarch.cost.reference import Reference
-from raymarch.errors import CostError
 from raymarch.gpu.frame import Frame, srgb
 from raymarch.gpu.scale import Scale, colored
 from raymarch.scene.scene import Scene
@@ -32,15 +31,6 @@ than shades, and they compress better."""
 FOOTPRINT_SCALE = Scale("pixel footprints", LOWEST, HIGHEST, "log")
 FLIP_SCALE = Scale("FLIP", 0.0, 1.0)
 ERROR_SCALE = replace(FOOTPRINT_SCALE, quantity="pixel footprints from the true hit; magenta: a missed or false hit")
-
-
-def plotting() -> Any:
-    """Import matplotlib. CostError with the command to install it."""
-    try:
-        import matplotlib
-    except ImportError:
-        raise CostError("plots need matplotlib", legal="pip install 'raymarch[report]'") from None
-    return matplotlib
 
 
 def under_map(known: Reference) -> NDArray[np.uint8]:

@@ -8,10 +8,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from raymarch.cost.answer import figures
-from raymarch.cost.maps import plotting
 from raymarch.cost.settings import differences
 from raymarch.cost.sweep import METRICS, Point, Sweep
 from raymarch.cost.text import labelled, worth
+from raymarch.errors import CostError
+from raymarch.files import package
 
 STYLES = {
     "plain": ("#5f6770", "s"),
@@ -46,7 +47,7 @@ def figure(made: Sweep, metric: str = "pixels_p99") -> Any:
 
 def blank(width: float, height: float) -> Any:
     """An empty figure; width and height in inches."""
-    plotting()
+    package("a figure", "matplotlib", "report", CostError)
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained")

@@ -93,14 +93,6 @@ WRITERS: Mapping[str, Callable[[Path, Surface], None]] = {
 """The writer of each suffix."""
 
 
-def check_packages(suffix: str) -> None:
-    """SceneError if a package that a mesh file needs is not installed."""
-    from importlib.util import find_spec
-
-    if find_spec("trimesh") is None:
-        raise SceneError(f"a {suffix} file needs the package trimesh", legal="pip install 'raymarch[mesh]'")
-
-
 def _trimesh(surface: Surface, colored: bool = True) -> Any:
     import trimesh
 

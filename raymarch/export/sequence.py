@@ -16,12 +16,11 @@ from PIL import Image
 from raymarch.errors import RaymarchError, SceneError
 from raymarch.export.film import FILMS, check_film, write_film
 from raymarch.export.stills import FORMATS, NUMBERS, Shot, content_of, save
-from raymarch.files import written
+from raymarch.files import package, written
 from raymarch.gpu.part import Part, prepared_part
 from raymarch.gpu.prepare import Prepared, prepare
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.tiles import split
-from raymarch.scene.images import exr_package
 from raymarch.scene.parameter import ParamValue
 from raymarch.scene.scene import Scene
 
@@ -74,7 +73,7 @@ def frames_of(
         folder = _parts_folder(target, "frames")
         return [Item(f"frame {i}", i / fps, folder / f"frame_{i:06d}.png", size) for i in numbers]
     if suffix == ".exr":
-        exr_package(target)
+        package(f"'{target}'", "OpenEXR", "exr")
     return [Item(f"frame {i}", i / fps, target.with_name(_numbered(target, i, option, error)), size) for i in numbers]
 
 
@@ -184,7 +183,7 @@ def join_tiles(target: Path, items: Sequence[Item], key: str | None, error: type
 
 def write_tiled(file: Path, size: tuple[int, int], items: Sequence[Item]) -> None:
     """A tiled TIFF file with deflate compression, from tiles in the order of their rows."""
-    tifffile = tiff_package(file)
+    tifffile = package(f"a large '{file}'", "tifffile", "tiff")
     edge = items[0].size
     with Image.open(items[0].file) as first:
         channels = len(first.getbands())
@@ -208,15 +207,6 @@ def write_tiled(file: Path, size: tuple[int, int], items: Sequence[Item]) -> Non
             metadata=None,
             software="raymarch",
         )
-
-
-def tiff_package(file: Path) -> Any:
-    """The package tifffile. SceneError, naming the file, if it is not installed."""
-    try:
-        import tifffile
-    except ImportError:
-        raise SceneError(f"a large '{file}' needs the package tifffile", legal="pip install 'raymarch[tiff]'") from None
-    return tifffile
 
 
 def _numbered(target: Path, number: int, option: str, error: type[RaymarchError]) -> str:

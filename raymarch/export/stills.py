@@ -24,7 +24,7 @@ from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.scale import with_bar
 from raymarch.gpu.views import light, picture, scale_of
 from raymarch.plan import OUTPUTS, lights
-from raymarch.scene.images import write_channels, write_exr
+from raymarch.scene.images import write_channels
 from raymarch.scene.parameter import ParamValue, set_values
 from raymarch.scene.scene import Scene
 
@@ -201,7 +201,7 @@ def encoder(
         return lambda file: write(file, frame)
     if shot.suffix == ".exr":
         values = numbers()
-        return lambda file: write_exr(file, values)
+        return lambda file: write_channels(file, {"RGB": values})
     made = frame.image(alpha=True) if shot.alpha else image()
     return lambda file: save(made, file, shot.suffix, key)
 

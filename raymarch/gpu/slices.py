@@ -53,15 +53,6 @@ class Slice:
         """The uniforms of the pass, in coordinates relative to `origin`."""
         return {"u_slice": (*self.normal, self.offset - float(origin @ self.normal))}
 
-    @property
-    def words(self) -> str:
-        """Such as "y = 0.5"."""
-        for k, name in enumerate("xyz"):
-            if abs(self.normal[k]) == 1.0:
-                return f"{name} = {self.offset * self.normal[k] + 0.0:g}"
-        x, y, z = self.normal
-        return f"{x:.3g} x + {y:.3g} y + {z:.3g} z = {self.offset:g}"
-
 
 def spacing(distance: NDArray[np.floating]) -> float:
     """The contour spacing that keeps lines apart: 1, 2 or 5 times a power of ten. `distance` is (H, W), NaN where the

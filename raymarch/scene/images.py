@@ -16,7 +16,7 @@ from PIL import Image, UnidentifiedImageError
 
 from raymarch.errors import SceneError, user_location
 from raymarch.expr.srgb import srgb_to_linear
-from raymarch.files import reads
+from raymarch.files import package, reads
 
 Array = NDArray[np.float32]
 
@@ -104,26 +104,12 @@ def _read_exr(path: Path) -> NDArray[Any]:
     return np.stack(one, axis=-1)
 
 
-def exr_package(file: str | PathLike[str]) -> Any:
-    """The OpenEXR package. SceneError, naming the file, if it is not installed."""
-    try:
-        import OpenEXR
-    except ImportError:
-        raise SceneError(f"'{file}' needs the package OpenEXR", legal="pip install 'raymarch[exr]'") from None
-    return OpenEXR
-
-
-def write_exr(file: str | PathLike[str], color: NDArray[Any]) -> None:
-    """Write linear RGB, (H, W, 3), as a float32 OpenEXR file; see `write_channels`."""
-    write_channels(file, {"RGB": color})
-
-
 def write_channels(file: str | PathLike[str], channels: Mapping[str, NDArray[Any]]) -> None:
     """Write arrays as the channels of a float32 OpenEXR file: (H, W), or (H, W, 3) for "RGB".
 
     Raises SceneError without the package OpenEXR, and OSError if the file cannot be written.
     """
-    OpenEXR = exr_package(file)
+    OpenEXR = package(f"'{file}'", "OpenEXR", "exr")
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     try:
         with OpenEXR.File(header, {n: np.ascontiguousarray(a, np.float32) for n, a in channels.items()}) as made:

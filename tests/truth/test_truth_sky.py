@@ -26,7 +26,7 @@ from raymarch.scene import (
     noise,
     stripes,
 )
-from raymarch.scene.images import read_image, write_exr
+from raymarch.scene.images import read_image, write_channels
 from raymarch.scene.parameter import Values, set_values
 from raymarch.scene.sky import harmonics_at
 from raymarch.scene.tone import LUMINANCE
@@ -217,7 +217,7 @@ def test_a_radiance_picture_is_read_to_its_eight_bits(tmp_path: Path, packed: bo
 
 def test_an_exr_picture_comes_back_as_it_was(tmp_path: Path) -> None:
     pixels = picture().astype(np.float32)
-    write_exr(tmp_path / "sky.exr", pixels)
+    write_channels(tmp_path / "sky.exr", {"RGB": pixels})
     assert np.array_equal(read_image("test", tmp_path / "sky.exr"), pixels)
 
 
@@ -231,7 +231,7 @@ def test_a_picture_of_the_sky_stands_where_it_should(tmp_path: Path) -> None:
     pixels = np.zeros((64, 128, 3), np.float32)
     pixels[:, 64:, 0] = 1.0  # the right half: x > 0
     pixels[:32, :, 1] = 1.0  # the upper half
-    write_exr(tmp_path / "sky.exr", pixels)
+    write_channels(tmp_path / "sky.exr", {"RGB": pixels})
     sky = ImageSky(tmp_path / "sky.exr")
     right, left, up, ahead = (
         sky.radiance_along(np.array([d], np.float64), NOW)[0]
