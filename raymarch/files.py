@@ -23,7 +23,7 @@ def reads(file: str | os.PathLike[str]) -> None:
     sys.audit("open", os.fspath(file), "rb", 0)
 
 
-def package(what: str, name: str, extra: str, error: type[RaymarchError] = SceneError) -> Any:
+def import_optional(what: str, name: str, extra: str, error: type[RaymarchError] = SceneError) -> Any:
     """An optional package. `error`, with what needs it and the command to install it, if it is missing."""
     try:
         return importlib.import_module(name)

@@ -38,7 +38,7 @@ from raymarch.cost.sweep import METRICS, Point, Progress, Sweep, environment, sw
 from raymarch.cost.text import FORMAT, as_csv, as_json, findings, in_table, light_table, table
 from raymarch.cost.variants import ideal_of
 from raymarch.errors import CostError
-from raymarch.files import package, write
+from raymarch.files import import_optional, write
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
@@ -144,12 +144,14 @@ def run(
     settings = grid(found, asked, pixels)
     if cluster is not None:
         from raymarch.cli.on_cluster import cost_on_cluster  # Dask takes tenths of a second to import
+        from raymarch.cluster.submit import Options
+        from raymarch.cluster.sweep import Moment
 
+        moment = Moment(pixels, bench.time, params, samples)
+        options = Options(mixed_drivers, backend=backend, device=device)
+        costs: list[Effect] = []
         with watched() as tell:
-            where = (cluster, mixed_drivers, backend, device)
-            costs: list[Effect] = []
-            moment = (pixels, bench.time, params, samples)
-            made = cost_on_cluster(scene, settings, moment, repeats, seed, where, tell)
+            made = cost_on_cluster(scene, settings, moment, repeats, seed, cluster, options, tell)
         if made.untimed and (plot is not None or html is not None):
             raise CommandError(f"--plot or --html without times: {made.untimed}", legal="--json or --csv")
     else:
@@ -292,7 +294,7 @@ def _check_files(files: dict[str, Path | None]) -> None:
         if not file.absolute().parent.is_dir():
             raise CommandError(f"{option} {file}: no folder '{file.parent}'", legal="a writable folder")
         if option == "--plot":
-            package("a figure", "matplotlib", "report", CostError)
+            import_optional("a figure", "matplotlib", "report", CostError)
         if option == "--html":
             templates()
 

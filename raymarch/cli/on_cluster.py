@@ -11,16 +11,17 @@ from typing import Any
 from raymarch.cli.common import CommandError, errors
 from raymarch.cli.progress import counted
 from raymarch.cluster.connect import check_address, connected
-from raymarch.cluster.frames import TIMEOUT, Options, check, draw_items, failures
+from raymarch.cluster.frames import check, draw_items, failures
 from raymarch.cluster.source import of_file
-from raymarch.cluster.submit import Cluster, Failed
+from raymarch.cluster.submit import Cluster, Failed, Options
+from raymarch.cluster.sweep import Moment, sweep_on
 from raymarch.cluster.worker import Done, Refused
 from raymarch.cost.settings import Setting
 from raymarch.cost.sweep import Progress, Sweep
 from raymarch.export.film import FILMS
 from raymarch.export.sequence import Contents, Item, edge_of, is_large, tiles_of
 from raymarch.export.stills import FORMATS, Shot, key_of
-from raymarch.files import package
+from raymarch.files import import_optional
 from raymarch.scene.quality import Quality
 
 
@@ -61,7 +62,7 @@ def render_on_cluster(
     tiled = shot.suffix in FORMATS and shot.view == "final" and quality.rays == "computed" and not scene.post
     if not film and tiled:
         if target.suffix.lower() in (".tif", ".tiff") and is_large(shot.size):
-            package(f"a large '{target}'", "tifffile", "tiff")
+            import_optional(f"a large '{target}'", "tifffile", "tiff")
         items, shot, what = (
             tiles_of(target, items[0].time, shot.size, edge_of(shot.size), CommandError),
             replace(shot, suffix=".png"),
@@ -101,28 +102,21 @@ def render_on_cluster(
 def cost_on_cluster(
     path: Path,
     settings: Sequence[Setting],
-    moment: tuple[tuple[int, int], float, dict[str, Any], int],
+    moment: Moment,
     repeats: int,
     seed: int,
-    where: tuple[str, bool, str, int | None],
-    tell: Progress,
+    address: str,
+    options: Options,
+    report: Progress,
 ) -> Sweep:
-    """The sweep of a scene file on a cluster.
-
-    moment : size, time, parameters, and rays per pixel of the reference picture. where : the address, whether drivers
-    may differ, the backend and the device.
-    """
-    from raymarch.cluster.sweep import Moment, sweep_on
-
-    address, mixed, backend, device = where
+    """The sweep of a scene file on a cluster."""
     check_address(address)
     source, scene = of_file(path)
     start = clock_time.perf_counter()
-    with connected(address, TIMEOUT) as client:
+    with connected(address, options.timeout) as client:
         cluster: Cluster[Any] = Cluster(client)
         errors.print(f"{address}: {client.dashboard_link}")
-        how = (path.stem, repeats, seed, TIMEOUT, mixed, backend, device)
-        made = sweep_on(cluster, source, scene, settings, Moment(*moment), *how, tell, _say)
+        made = sweep_on(cluster, source, scene, settings, moment, path.stem, repeats, seed, options, report, _say)
     spent = clock_time.perf_counter() - start
     errors.print(f"{len(settings)} settings in {spent:.1f} s on {cluster.log.workers} workers")
     return made

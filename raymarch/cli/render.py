@@ -44,7 +44,7 @@ from raymarch.export.sequence import (
     tiles_of,
 )
 from raymarch.export.stills import FORMATS, Shot, draw, encoder, is_whole, key_of
-from raymarch.files import package, write
+from raymarch.files import import_optional, write
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.file import load
 from raymarch.scene.parameter import set_values
@@ -170,7 +170,7 @@ def run(
     shot = Shot((width, height), ".png" if film else suffix, params, view, outputs, alpha, layers, strict)
     if cluster is not None:
         from raymarch.cli.on_cluster import Where, render_on_cluster  # Dask takes tenths of a second to import
-        from raymarch.cluster.frames import TIMEOUT, Options
+        from raymarch.cluster.submit import TIMEOUT, Options
 
         if error is not None or within is not None:
             raise CommandError("--error or --within with --cluster", legal="--quality, or a quality in the scene")
@@ -187,7 +187,7 @@ def run(
                 f"--error or --within with {width}x{height} pixels", legal=f"up to {LARGE} pixels and edges of {LONG}"
             )
         if suffix in (".tif", ".tiff"):
-            package(f"a large '{target}'", "tifffile", "tiff")
+            import_optional(f"a large '{target}'", "tifffile", "tiff")
         whole, whole_shot = items[0], shot
         items = tiles_of(target, items[0].time, (width, height), EDGE, CommandError)
         shot = replace(shot, suffix=".png")
@@ -289,7 +289,7 @@ def _items(target: Path, time: float | None, frames: str | None, fps: float, siz
         if target.suffix.lower() in FILMS:
             raise CommandError(f"a film '{target}' without --frames", legal="--frames A:B, such as 0:90")
         if target.suffix.lower() == ".exr":
-            package(f"'{target}'", "OpenEXR", "exr")
+            import_optional(f"'{target}'", "OpenEXR", "exr")
         return [Item("the picture", 0.0 if time is None else time, target, size)]
     if time is not None:
         raise CommandError("--time together with --frames", legal="one of them")

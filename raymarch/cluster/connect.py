@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 from raymarch.errors import ClusterError
-from raymarch.files import package
+from raymarch.files import import_optional
 
 CONNECT = 10.0
 """Seconds to wait for a scheduler to answer."""
@@ -43,7 +43,7 @@ def connected(address: str, timeout: float) -> Iterator[Any]:
     timeout : seconds after which a local worker that does not answer is replaced. Raises ClusterError if the scheduler
     does not answer.
     """
-    distributed = package("--cluster", "distributed", "cluster", ClusterError)
+    distributed = import_optional("--cluster", "distributed", "cluster", ClusterError)
     number = check_address(address)
     if number is not None:
         with _local(distributed, number, timeout) as client:

@@ -8,7 +8,7 @@ import uuid
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import islice, pairwise
 from operator import length_hint
@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from raymarch.cluster.source import Source, of_file, of_scene
-from raymarch.cluster.submit import RETRIES, Cluster, Failed
-from raymarch.cluster.worker import Done, Job, Refused, draw_batch, draw_item, merge
+from raymarch.cluster.submit import RETRIES, TIMEOUT, Cluster, Failed, Options
+from raymarch.cluster.worker import Done, Refused, draw_batch, draw_item, merge
 from raymarch.errors import ClusterError, RaymarchError, RenderWarning, SceneError
 from raymarch.export import stills
 from raymarch.export.behind import in_order
@@ -26,7 +26,7 @@ from raymarch.export.sequence import Contents, Item, frames_of, join_film
 from raymarch.export.stills import Shot, is_whole, key_of
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import instance, integer, optional, real, short, switch
-from raymarch.files import package, write, written
+from raymarch.files import import_optional, write, written
 from raymarch.gpu.part import Part
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.views import VIEWS
@@ -35,31 +35,11 @@ from raymarch.scene.scene import Scene, check_scene
 
 T = TypeVar("T")
 
-TIMEOUT = 900.0
-"""Seconds that a task may take. Compilation alone may take RAYMARCH_COMPILE_LIMIT, 600 seconds."""
-
 TASK = 0.2
 """Seconds of a task of short pictures. A task costs scheduler, client and worker some milliseconds."""
 
 LARGEST_BATCH = 32
 """Pictures of such a task at most."""
-
-
-@dataclass(frozen=True, slots=True)
-class Options:
-    """How a cluster draws.
-
-    mixed : accept workers with different drivers or libraries. split : number of shares of each pixel's samples.
-    batch : pictures of one task. None: as many as take `TASK` seconds.
-    timeout : seconds that a task may take. backend, device : of the workers' OpenGL contexts.
-    """
-
-    mixed: bool = False
-    split: int = 1
-    batch: int | None = None
-    timeout: float = TIMEOUT
-    backend: str = "auto"
-    device: int | None = None
 
 
 Outcome = Done | Refused | Failed | None
@@ -82,8 +62,7 @@ def draw_items(
     drawn if the scene, the options or the workers do not allow it.
     """
     check(scene, shot, options)
-    machines = cluster.accept(options.backend, options.device, options.mixed, tell)
-    job = Job(scene.quality, shot, options.backend, options.device, tuple(machines), options.timeout)
+    job = cluster.job(scene.quality, shot, options, tell)
     sent = cluster.send(source)
     contents, run = Contents(scene, shot), uuid.uuid4().hex[:8]
     settled: list[tuple[Item, Outcome]] = []
@@ -107,7 +86,7 @@ def draw_items(
             except RaymarchError as fault:
                 settled.append((item, Refused(str(fault))))
                 continue
-            keys = [key_of(content, machine.driver) for machine in machines]
+            keys = [key_of(content, machine.driver) for machine in job.machines]
             if shot.suffix == ".png" and is_whole(item.file, keys):
                 settled.append((item, None))
             else:
@@ -250,7 +229,7 @@ def render_frames(
         instance(
             "render_frames: client",
             client,
-            package("render_frames with a client", "distributed", "cluster", ClusterError).Client,
+            import_optional("render_frames with a client", "distributed", "cluster", ClusterError).Client,
             "a distributed.Client, or None",
         )
         source, made = (of_scene(scene), scene) if isinstance(scene, Scene) else of_file(scene)

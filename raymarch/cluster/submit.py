@@ -16,8 +16,10 @@ from typing import Any, Generic, TypeVar
 
 from raymarch.cluster.machines import Machine, accepted
 from raymarch.cluster.source import Source
-from raymarch.cluster.worker import describe
+from raymarch.cluster.worker import Job, describe
 from raymarch.errors import ClusterError
+from raymarch.export.stills import Shot
+from raymarch.scene.quality import Quality
 
 U = TypeVar("U")
 
@@ -39,6 +41,26 @@ COUNTED = 2.0
 
 ANSWER = 60.0
 """Seconds to wait for workers to appear, and for the first one to open its context."""
+
+TIMEOUT = 900.0
+"""Seconds that a task may take. Compilation alone may take RAYMARCH_COMPILE_LIMIT, 600 seconds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How a cluster draws.
+
+    mixed : accept workers with different drivers or libraries. split : number of shares of each pixel's samples.
+    batch : pictures of one task. None: as many as take `TASK` seconds.
+    timeout : seconds that a task may take. backend, device : of the workers' OpenGL contexts.
+    """
+
+    mixed: bool = False
+    split: int = 1
+    batch: int | None = None
+    timeout: float = TIMEOUT
+    backend: str = "auto"
+    device: int | None = None
 
 
 @dataclass(slots=True)
@@ -98,12 +120,12 @@ class Cluster(Generic[U]):
             self._threads, self._counted = max(1, sum(threads.values())), now
         return self._threads
 
-    def accept(self, backend: str, device: int | None, mixed: bool, tell: Callable[[str], None]) -> list[Machine]:
-        """The kinds of workers that draw, see `accepted`. tell : called with notes."""
-        self.used, notes = accepted(self.machines(backend, device), mixed)
+    def job(self, quality: Quality, shot: Shot, options: Options, tell: Callable[[str], None]) -> Job:
+        """A job for the kinds of workers that may draw, see `accepted`. tell : called with notes."""
+        self.used, notes = accepted(self.machines(options.backend, options.device), options.mixed)
         for note in notes:
             tell(note)
-        return self.used
+        return Job(quality, shot, options.backend, options.device, tuple(self.used), options.timeout)
 
     def machines(self, backend: str, device: int | None) -> dict[str, Machine | str]:
         """The machine of each worker by its address, or the reason why it cannot draw.

@@ -14,7 +14,7 @@ from typing import Any
 
 from raymarch.cluster.machines import Machine
 from raymarch.cluster.source import Source
-from raymarch.cluster.submit import RETRIES, Cluster, Failed
+from raymarch.cluster.submit import RETRIES, Cluster, Failed, Options
 from raymarch.cluster.worker import STATE, Job, Refused, drawing
 from raymarch.cost.checks import Check, check, check_clock
 from raymarch.cost.drawing import Renderers, draw, timed
@@ -60,21 +60,18 @@ def sweep_on(
     name: str,
     repeats: int,
     seed: int,
-    timeout: float,
-    mixed: bool = False,
-    backend: str = "auto",
-    device: int | None = None,
-    progress: Progress | None = None,
-    tell: Callable[[str], None] = lambda _: None,
+    options: Options,
+    report: Progress,
+    tell: Callable[[str], None],
 ) -> Sweep:
     """As `raymarch.cost.sweep.sweep`, with its checks.
 
+    tell : called with notes on the workers.
+
     Raises ClusterError if the workers cannot be used, and CostError for a setting that cannot be drawn.
     """
-    machines = cluster.accept(backend, device, mixed, tell)
-    job = Job(scene.quality, Shot(moment.size), backend, device, tuple(machines), timeout)
+    job = cluster.job(scene.quality, Shot(moment.size), options, tell)
     run, sent, client = uuid.uuid4().hex[:8], cluster.send(source), cluster.client
-    report = progress or (lambda _what, _share: None)
     ideals = [setting.variations if ideal_of(scene, setting.variations) is not scene else () for setting in settings]
     references = {
         ideal: client.submit(_reference, sent, job, moment, ideal, key=f"raymarch-reference-{run}-{k}", retries=RETRIES)
@@ -96,7 +93,7 @@ def sweep_on(
         points[i].known = known[ideal]
     ordered = [points[i] for i in range(len(settings))]
     found = _times(cluster, sent, job, moment, settings, repeats, seed, report)
-    measured_on = _environment(machines, found)
+    measured_on = _environment(job.machines, found)
     untimed, facts = "" if found else SHARED, facts_of(scene, moment.time)
     made = Sweep(name, known[()], ordered, seed, repeats, measured_on, untimed=untimed, **facts)
     for i, point in enumerate(ordered):

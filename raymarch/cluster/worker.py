@@ -9,7 +9,7 @@ import threading
 import time as clock_time
 import warnings
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -191,13 +191,18 @@ def draw_item(source: Source, job: Job, item: Item, content: str | None) -> Done
                 first, end = item.part.samples
                 spent = clock_time.perf_counter() - start
                 return Share(frame.milliseconds, spent, address(), doubts, frame.color, end - first)
-            with tempfile.TemporaryDirectory() as folder:
-                file = Path(folder) / f"picture{job.shot.suffix}"
-                view_encoder(job.shot, frame, scene, key_of(content, renderer.context.driver))(file)
-                made = file.read_bytes()
+            made = _content(job.shot, view_encoder(job.shot, frame, scene, key_of(content, renderer.context.driver)))
             return Done(frame.milliseconds, clock_time.perf_counter() - start, address(), doubts, made)
     except RaymarchError as fault:
         return Refused(str(fault), address())
+
+
+def _content(shot: Shot, write: Callable[[Path], object]) -> bytes:
+    """What a function writes into a file with the suffix of a picture."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / f"picture{shot.suffix}"
+        write(file)
+        return file.read_bytes()
 
 
 def draw_batch(source: Source, job: Job, pictures: Sequence[tuple[Item, str | None]]) -> list[Done | Share | Refused]:
@@ -227,10 +232,7 @@ def merge(source: Source, job: Job, content: str | None, *shares: Share | Refuse
     color = np.asarray(total / count, np.float32)
     image = Image.fromarray(scene.tone.image(color))
     key = key_of(content, job.machines[0].driver)
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "picture"
-        save(image, file, job.shot.suffix, key)
-        made = file.read_bytes()
+    made = _content(job.shot, lambda file: save(image, file, job.shot.suffix, key))
     drawn = [share for share in shares if isinstance(share, Share)]
     spent = clock_time.perf_counter() - start + sum(share.seconds for share in drawn)
     doubts = list(dict.fromkeys(doubt for share in drawn for doubt in share.doubts))

@@ -17,13 +17,13 @@ from raymarch.cost.maps import FLIP_SCALE, FOOTPRINT_SCALE, WRONG, band_colors
 from raymarch.cost.sweep import Point, Sweep
 from raymarch.cost.text import findings, in_table, labelled, light_table, lights_of, table
 from raymarch.errors import CostError
-from raymarch.files import package
+from raymarch.files import import_optional
 from raymarch.gpu.scale import Scale
 
 
 def templates() -> Any:
     """The environment of the page's templates. CostError if jinja2 is not installed."""
-    jinja2 = package("the page", "jinja2", "report", CostError)
+    jinja2 = import_optional("the page", "jinja2", "report", CostError)
     return jinja2.Environment(loader=jinja2.FunctionLoader(_text), autoescape=True, undefined=jinja2.StrictUndefined)
 
 

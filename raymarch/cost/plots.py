@@ -12,7 +12,7 @@ from raymarch.cost.settings import differences
 from raymarch.cost.sweep import METRICS, Point, Sweep
 from raymarch.cost.text import labelled, worth
 from raymarch.errors import CostError
-from raymarch.files import package
+from raymarch.files import import_optional
 
 STYLES = {
     "plain": ("#5f6770", "s"),
@@ -47,7 +47,7 @@ def figure(made: Sweep, metric: str = "pixels_p99") -> Any:
 
 def blank(width: float, height: float) -> Any:
     """An empty figure; width and height in inches."""
-    package("a figure", "matplotlib", "report", CostError)
+    import_optional("a figure", "matplotlib", "report", CostError)
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained")

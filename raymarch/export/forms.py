@@ -14,7 +14,7 @@ import numpy as np
 from raymarch.errors import SceneError
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import file_path, integer, numbers, short, switch
-from raymarch.files import package, written
+from raymarch.files import import_optional, written
 from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.scene import Scene, as_scene
 from raymarch.sdf.node import Node
@@ -95,7 +95,7 @@ def export(
     if suffix in MESHES:
         from raymarch.export import mesh_files
 
-        package(f"a {suffix} file", "trimesh", "mesh")
+        import_optional(f"a {suffix} file", "trimesh", "mesh")
         made = _mesh("export", scene, values, cells, box, progress)
         with written(file) as unfinished:
             mesh_files.WRITERS[suffix](unfinished, made)

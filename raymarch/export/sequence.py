@@ -16,7 +16,7 @@ from PIL import Image
 from raymarch.errors import RaymarchError, SceneError
 from raymarch.export.film import FILMS, check_film, write_film
 from raymarch.export.stills import FORMATS, NUMBERS, Shot, content_of, save
-from raymarch.files import package, written
+from raymarch.files import import_optional, written
 from raymarch.gpu.part import Part, prepared_part
 from raymarch.gpu.prepare import Prepared, prepare
 from raymarch.gpu.renderer import Renderer
@@ -73,7 +73,7 @@ def frames_of(
         folder = _parts_folder(target, "frames")
         return [Item(f"frame {i}", i / fps, folder / f"frame_{i:06d}.png", size) for i in numbers]
     if suffix == ".exr":
-        package(f"'{target}'", "OpenEXR", "exr")
+        import_optional(f"'{target}'", "OpenEXR", "exr")
     return [Item(f"frame {i}", i / fps, target.with_name(_numbered(target, i, option, error)), size) for i in numbers]
 
 
@@ -183,7 +183,7 @@ def join_tiles(target: Path, items: Sequence[Item], key: str | None, error: type
 
 def write_tiled(file: Path, size: tuple[int, int], items: Sequence[Item]) -> None:
     """A tiled TIFF file with deflate compression, from tiles in the order of their rows."""
-    tifffile = package(f"a large '{file}'", "tifffile", "tiff")
+    tifffile = import_optional(f"a large '{file}'", "tifffile", "tiff")
     edge = items[0].size
     with Image.open(items[0].file) as first:
         channels = len(first.getbands())

@@ -51,9 +51,8 @@ void main() {
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """A comparison of a timer with the wall clock: relative loads, milliseconds of both, the verdict and its reason."""
+    """A comparison of a timer with the wall clock: milliseconds of both, the verdict and its reason."""
 
-    loads: tuple[int, ...]
     wall: tuple[float, ...]
     timer: tuple[float, ...]
     agrees: bool
@@ -152,7 +151,7 @@ def try_timer(context: Context, timer: Timer) -> Trial:
         ]
     wall, claimed = zip(*pairs, strict=True)
     agrees, words = judge(_LOADS, wall, claimed)
-    return Trial(_LOADS, wall, claimed, agrees, words)
+    return Trial(wall, claimed, agrees, words)
 
 
 def judge(loads: Sequence[int], wall: Sequence[float], timer: Sequence[float]) -> tuple[bool, str]:

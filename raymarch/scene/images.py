@@ -16,7 +16,7 @@ from PIL import Image, UnidentifiedImageError
 
 from raymarch.errors import SceneError, user_location
 from raymarch.expr.srgb import srgb_to_linear
-from raymarch.files import package, reads
+from raymarch.files import import_optional, reads
 
 Array = NDArray[np.float32]
 
@@ -109,7 +109,7 @@ def write_channels(file: str | PathLike[str], channels: Mapping[str, NDArray[Any
 
     Raises SceneError without the package OpenEXR, and OSError if the file cannot be written.
     """
-    OpenEXR = package(f"'{file}'", "OpenEXR", "exr")
+    OpenEXR = import_optional(f"'{file}'", "OpenEXR", "exr")
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     try:
         with OpenEXR.File(header, {n: np.ascontiguousarray(a, np.float32) for n, a in channels.items()}) as made:

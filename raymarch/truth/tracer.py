@@ -19,6 +19,7 @@ from raymarch.scene.scene import Scene, as_scene
 from raymarch.sdf.node import Node
 from raymarch.truth.field import Field
 from raymarch.truth.fog import sky_seen
+from raymarch.truth.light import GOLDEN_ANGLE
 from raymarch.truth.march import Roots
 from raymarch.truth.rays import Rays, camera_rays, lens_rays
 from raymarch.truth.shading import Surface
@@ -170,8 +171,6 @@ LENS_POINTS = 16
 RAYS_AT_ONCE = 200_000
 """Rays through the lens that are traced together; this bounds the memory."""
 
-GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
-
 
 def _lens_points(scene: Scene) -> NDArray[np.float64]:
     """The points of the lens that a reference picture is averaged over, (N, 2) in radii."""
@@ -181,7 +180,7 @@ def _lens_points(scene: Scene) -> NDArray[np.float64]:
 def lens_points(count: int) -> NDArray[np.float64]:
     """Points of a lens on a spiral (Vogel 1979), each of which stands for the same area, (count, 2) in radii."""
     numbers = np.arange(count)
-    radius, angle = np.sqrt((numbers + 0.5) / count), numbers * GOLDEN
+    radius, angle = np.sqrt((numbers + 0.5) / count), 2.0 * np.pi * GOLDEN_ANGLE * numbers
     return np.asarray(radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1), np.float64)
 
 

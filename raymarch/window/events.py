@@ -13,7 +13,6 @@ class Key:
 
     name: str
     down: bool
-    repeated: bool
     shift: bool
     control: bool
     code: int

@@ -36,7 +36,7 @@ class Window:
         def key(_: Any, code: int, scancode: int, action: int, mods: int) -> None:
             name = self._names.get(code) or (glfw.get_key_name(code, scancode) or "").lower()
             shift, control = bool(mods & glfw.MOD_SHIFT), bool(mods & (glfw.MOD_CONTROL | glfw.MOD_SUPER))
-            add(Key(name, action != glfw.RELEASE, action == glfw.REPEAT, shift, control, code))
+            add(Key(name, action != glfw.RELEASE, shift, control, code))
 
         def button(_: Any, which: int, action: int, mods: int) -> None:
             add(Button(which, action == glfw.PRESS, bool(mods & glfw.MOD_SHIFT), bool(mods & glfw.MOD_CONTROL)))

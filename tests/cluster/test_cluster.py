@@ -16,7 +16,7 @@ import pytest
 import raymarch as rm
 from raymarch.cluster.connect import connected
 from raymarch.cluster.source import of_file
-from raymarch.cluster.submit import Cluster
+from raymarch.cluster.submit import Cluster, Options
 from raymarch.cluster.sweep import Moment, sweep_on
 from raymarch.cost.effects import evaluations_of
 from raymarch.cost.reference import reference
@@ -120,7 +120,8 @@ def test_the_cost_has_the_same_errors_and_evaluations(folder: Path, client: Any)
     source, scene = of_file("ball.py")
     settings = [Setting("base", scene.quality), Setting("plain", scene.quality.replace(tracer="plain"))]
     moment = Moment((24, 16), 0.5, {}, 1)
-    found = sweep_on(Cluster(client), source, scene, settings, moment, "ball", 1, 1, 60.0)
+    options, quiet = Options(timeout=60.0), lambda *_: None
+    found = sweep_on(Cluster(client), source, scene, settings, moment, "ball", 1, 1, options, quiet, quiet)
     with rm.Renderer(moment.size) as renderer:
         known = reference(scene, moment.size, moment.time, {}, 1)
         plain = sweep(scene, settings, known, renderer, "ball", moment.time, {}, 1, count=evaluations_of)

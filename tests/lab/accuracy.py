@@ -17,7 +17,7 @@ from raymarch.cost.plots import save
 from raymarch.cost.statistics import Median
 from raymarch.cost.sweep import Point
 from raymarch.cost.text import labelled, standing, worth
-from raymarch.files import package
+from raymarch.files import import_optional
 from raymarch.scene.quality import PRESETS, PROMISED
 from tests.lab.suite import FULL, QUICK, TRACERS, Measured, Suite, find_scenes, measure_suite
 from tests.lab.suite_plots import figure_3, figure_5, fronts
@@ -235,7 +235,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = options.parse_args(arguments)
     if not given.output.absolute().parent.is_dir():
         options.error(f"no folder '{given.output.parent}'")
-    package("a figure", "matplotlib", "report")
+    import_optional("a figure", "matplotlib", "report")
     files = find_scenes(given.scenes)
     with watched() as tell:
         made = measure_suite(files, QUICK if given.quick else FULL, given.seed, given.backend, tell)

@@ -58,7 +58,7 @@ def model_of(text: str = SCENE, **changes: Any) -> Model:
 
 def press(model: Model, *names: str, shift: bool = False, control: bool = False) -> None:
     for name in names:
-        inputs.press(model, Key(name, True, False, shift, control, 0))
+        inputs.press(model, Key(name, True, shift, control, 0))
 
 
 def carried_out(model: Model) -> Show:
@@ -108,7 +108,7 @@ def test_a_click_inspects_and_f_focuses() -> None:
     mouse = Mouse(model, pixel=lambda x, y: (2 * x, 2 * y))
     for event in (Move(10, 20), Button(0, True, False, False), Move(12, 21), Button(0, False, False, False)):
         mouse.take(event)
-    mouse.take(Key("f", True, False, False, False, 0))
+    mouse.take(Key("f", True, False, False, 0))
     assert list(model.requests) == [Inspect(24, 42), Inspect(24, 42, focus=True)]
     point = np.array([0.3, 0.2, 0.9])
     pick = Pick(1, (3, 4), 5.0, point, np.array([0.0, 0, 1]), 1, 20, 30)
