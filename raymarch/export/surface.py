@@ -113,11 +113,7 @@ CHECKED = 20_000
 
 
 def surface_of(
-    scene: Scene,
-    values: Values,
-    cells: int,
-    box: tuple[Array, Array] | None = None,
-    progress: Progress | None = None,
+    scene: Scene, values: Values, cells: int, box: tuple[Array, Array] | None = None, progress: Progress | None = None
 ) -> Surface:
     """The surface of a scene.
 

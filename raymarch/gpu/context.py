@@ -337,10 +337,7 @@ def open_context(backend: str = "auto", device: int | None = None) -> Context:
 def open_window(size: tuple[int, int], title: str) -> Context:
     """Open a visible, resizable window with an OpenGL 3.3 core context.
 
-    Parameters
-    ----------
     size : (width, height) in screen coordinates, each >= 1; a window manager may give another.
-    title : title of the window.
 
     The framebuffer takes colours that are already sRGB. Raises DeviceError, with the driver's message and a remedy, if
     there is no display, no glfw or no context.

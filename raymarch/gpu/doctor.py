@@ -113,10 +113,7 @@ def count_loop(context: Context, iterations: int = LOOP_ITERATIONS) -> LoopLimit
 
     llvmpipe silently ends every loop after 65,535 iterations of all loops of an invocation together.
     """
-    with (
-        Target(context, (1, 1)) as target,
-        Program(context, FULL_SCREEN, _LOOP_FRAGMENT, None, "loop test") as program,
-    ):
+    with Target(context, (1, 1)) as target, Program(context, FULL_SCREEN, _LOOP_FRAGMENT, None, "loop test") as program:
         # The generator has period 2^32 and reaches 1 last, so the loop never breaks by itself.
         program.draw(target, {"iterations": iterations, "never": 1})
         return LoopLimit(iterations, int(target.read()[0, 0, 0]))

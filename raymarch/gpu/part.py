@@ -19,8 +19,6 @@ class Part:
     """A part of a picture that a renderer of the part's size draws. Its pixels are those of the whole picture, bit for
     bit.
 
-    Attributes
-    ----------
     whole : (width, height) of the whole picture in pixels.
     corner : (x, y) of the part's upper left pixel; row 0 is the top of the whole picture.
     samples : (first, end) of the samples per pixel; the colours are their mean. None is all of them.

@@ -94,11 +94,7 @@ def passes_for(outputs: Sequence[Wanted]) -> list[str]:
 
 
 def frame_uniforms(
-    ready: Prepared,
-    values: Values,
-    size: tuple[int, int],
-    pose: Pose | None = None,
-    outputs: Sequence[Wanted] = (),
+    ready: Prepared, values: Values, size: tuple[int, int], pose: Pose | None = None, outputs: Sequence[Wanted] = ()
 ) -> dict[str, Any]:
     """The uniforms of a frame: camera, size, parameters, time. Computed in float64.
 

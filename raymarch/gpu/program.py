@@ -101,18 +101,14 @@ class Elements(NamedTuple):
 class Program(Releasing):
     """A linked program: a pass that fills a surface, or a tile of it.
 
-    Parameters
-    ----------
     context : the context of the program; bound here and by every method.
     vertex : a vertex shader without attributes that makes a triangle of gl_VertexID 0, 1, 2, such as `FULL_SCREEN`.
     fragment : the fragment shader, `#version 330 core`.
     locate : see `Locate`; called only if the driver refuses the shader. None for a text of the package itself.
     name : the pass, for messages.
 
-    Raises
-    ------
-    ShaderError : the driver refused the shader. The message has the pass, the driver's first error and the origin of
-        the line; `.where` is the user's line.
+    Raises ShaderError if the driver refuses the shader. The message has the pass, the driver's first error and the
+    origin of the line; `.where` is the user's line.
     """
 
     def __init__(self, context: Context, vertex: str, fragment: str, locate: Locate | None, name: str) -> None:
@@ -145,20 +141,16 @@ class Program(Releasing):
     ) -> None:
         """Draw into all attachments of `target`. Returns before the device has finished.
 
-        Parameters
-        ----------
-        uniforms : by name; unknown names are ignored. Numbers and vectors as
-            numbers, sequences or arrays; a matrix as an array (rows, columns) that multiplies column vectors, as in
-            `m @ v`; an array of n uniforms with n along the first axis; a sampler as a `Target` (its
-            attachment 0), as (target, attachment) or as a moderngl texture.
+        uniforms : by name; unknown names are ignored. Numbers and vectors as numbers, sequences or arrays; a matrix as
+            an array (rows, columns) that multiplies column vectors, as in `m @ v`; an array of n uniforms with n along
+            the first axis; a sampler as a `Target` (its attachment 0), as (target, attachment) or as a moderngl
+            texture.
         tile : (x, y, width, height) in pixels of gl_FragCoord, so y counts from the BOTTOM row; texels outside
             keep their values and cost nothing. gl_FragCoord is that of the whole surface. None draws everything.
         blend : blend the colour over the target by its alpha (not premultiplied).
 
-        Raises
-        ------
-        ValueError : a value that does not fit its uniform, a tile outside the surface, or a texture that is both read
-            and written.
+        Raises ValueError for a value that does not fit its uniform, a tile outside the surface, or a texture that is
+        both read and written.
         """
         width, height = target.size
         if tile is not None:

@@ -58,11 +58,7 @@ class Screen:
         self._samplers: dict[str, Program] = {}
 
     def show(
-        self,
-        picture: Target,
-        tone: ToneMapping | None = None,
-        area: Tile | None = None,
-        tile: Tile | None = None,
+        self, picture: Target, tone: ToneMapping | None = None, area: Tile | None = None, tile: Tile | None = None
     ) -> None:
         """Show a picture of linear colour, mapped by `tone` (None clips). A different size is filtered linearly.
 

@@ -38,16 +38,12 @@ class Target(Releasing):
 
     Sampling is nearest, clamped to the edge. The content is undefined until it is drawn, written or cleared.
 
-    Parameters
-    ----------
     context : the context of the textures; bound here and by every method.
     size : (width, height) in pixels, integers from 1 to `context.limits.picture`.
     attachments : number of textures, from 1 to `context.limits.color_attachments`.
     dtype : "f4" (32-bit floats) or "f2" (16-bit).
 
-    Raises
-    ------
-    DeviceError : a size, count or type outside the range above, or not enough memory on the device.
+    Raises DeviceError for a size, count or type outside the range above, or without enough memory on the device.
     """
 
     def __init__(self, context: Context, size: tuple[int, int], attachments: int = 1, dtype: str = "f4") -> None:

@@ -193,8 +193,6 @@ def interface_transmittance(to_light: Expr, v: Expr, r: Expr) -> Expr:
 class Random(NamedTuple):
     """Random numbers in [0, 1), uniform and independent.
 
-    Attributes
-    ----------
     direction : a vec2. lobe, model, several, coat : floats that choose between lobes.
     """
 
@@ -314,8 +312,6 @@ def sample_rough_dielectric(
 class Lobe(NamedTuple):
     """A glossy lobe about the mirror direction, as the sky and Whitted ray tracing see it.
 
-    Attributes
-    ----------
     roughness : width of the lobe, a float.
     albedo : its directional albedo at the view, a vec3.
     reflectance : the albedo of a perfect mirror, a vec3.

@@ -50,6 +50,12 @@ class Spec:
         return vector(len(self.value)) if isinstance(self.value, tuple) else FLOAT
 
     @property
+    def ends(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Least and greatest legal value, infinite without a limit."""
+        low, high = -np.inf if self.min is None else self.min, np.inf if self.max is None else self.max
+        return np.asarray(low, np.float64), np.asarray(high, np.float64)
+
+    @property
     def legal(self) -> str:
         low = "" if self.min is None else f" >= {_shown(self.min)}"
         high = "" if self.max is None else f" <= {_shown(self.max)}"
@@ -61,9 +67,8 @@ class Spec:
         given = _plain(value, f"parameter '{self.name}'", where)
         if np.shape(given) != np.shape(self.value):
             raise SceneError(f"parameter '{self.name}' = {short(value)}", legal=self.legal, where=where)
-        low = -np.inf if self.min is None else np.asarray(self.min)
-        high = np.inf if self.max is None else np.asarray(self.max)
-        if not (np.all(np.asarray(given) >= low) and np.all(np.asarray(given) <= high)):
+        low, high = self.ends
+        if not np.all((low <= given) & (given <= high)):
             raise SceneError(f"parameter '{self.name}' = {_shown(given)}", legal=self.legal, where=where)
         return given
 

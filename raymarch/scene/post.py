@@ -22,10 +22,8 @@ PICTURE: Final = -1
 class Stage:
     """A draw of a post effect.
 
-    Attributes
-    ----------
     size : (width, height) of what it draws, in pixels. reads : the numbers of the earlier stages that it reads, or
-        `PICTURE`, by the name of the sampler. uniforms : by name.
+    `PICTURE`, by the name of the sampler. uniforms : by name.
     """
 
     size: tuple[int, int]

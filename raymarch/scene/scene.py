@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import bound, evaluator
@@ -229,6 +230,12 @@ class Scene(Value):
         return _bounded_part(self.node)
 
     @property
+    def middle(self) -> tuple[NDArray[np.float64], float]:
+        """The centre of the `subject` and the length of its diagonal; the origin and 1 without a bounded part."""
+        box = self.subject
+        return (np.zeros(3), 1.0) if box is None else ((box.lower + box.upper) / 2, float(np.linalg.norm(box.size)))
+
+    @property
     def ambient_occlusion(self) -> AmbientOcclusion | None:
         """The `occlusion`, with the reach that follows from the size of the scene if none is given."""
         if self.occlusion is None:
@@ -251,9 +258,7 @@ class Scene(Value):
         if facts.bounded:
             corners = np.maximum(np.abs(facts.lower - pose.position), np.abs(facts.upper - pose.position))
             return float(np.linalg.norm(corners)) + pose.aperture
-        subject = self.subject
-        scale = 1.0 if subject is None else float(np.linalg.norm(subject.size))
-        middle = np.zeros(3) if subject is None else (subject.lower + subject.upper) / 2
+        middle, scale = self.middle
         far = HORIZON * (scale + float(np.linalg.norm(pose.position - middle)))
         if values is None:
             return far

@@ -165,9 +165,7 @@ class Setup:
         if facts.bounded:
             lower, upper = constant(const(facts.lower)), constant(const(facts.upper))
             return f"length(max(abs({lower} - u_camera_position), abs({upper} - u_camera_position)))"
-        subject = scene.subject
-        scale = 1.0 if subject is None else float(np.linalg.norm(subject.size))
-        middle = np.zeros(3) if subject is None else (subject.lower + subject.upper) / 2
+        middle, scale = scene.middle
         return f"{literal(HORIZON)} * ({literal(scale)} + distance(u_camera_position, {constant(const(middle))}))"
 
 

@@ -192,7 +192,7 @@ def nudge_param(model: Model, direction: int, fine: bool) -> None:
     if name is None:
         return
     spec, value = model.state.specs[name], np.asarray(model.state.value(name), np.float64)
-    low, high = (np.nan if end is None else np.asarray(end, np.float64) for end in (spec.min, spec.max))
+    low, high = spec.ends
     span = np.where(np.isfinite(high - low), high - low, np.maximum(np.abs(value), 1.0))
     moved = value + direction * STEP * (0.1 if fine else 1.0) * span
     set_param(model, name, float(moved) if moved.shape == () else tuple(float(v) for v in moved))

@@ -241,9 +241,7 @@ def _fitted(spec: Spec, value: Any) -> Value | None:
         return None
     if given.shape != np.shape(spec.value) or not np.all(np.isfinite(given)):
         return None
-    low = -np.inf if spec.min is None else np.asarray(spec.min)
-    high = np.inf if spec.max is None else np.asarray(spec.max)
-    inside = np.clip(given, low, high)
+    inside = np.clip(given, *spec.ends)
     try:
         return spec.accept(float(inside) if inside.shape == () else tuple(float(v) for v in inside))
     except RaymarchError:

@@ -153,11 +153,7 @@ def _compiled(scene: Scene, ready: Prepared, size: tuple[int, int], params: dict
 
 
 def _warm(
-    scene: Scene,
-    ready: Prepared,
-    size: tuple[int, int],
-    params: dict[str, Any],
-    outputs: tuple[str, ...] = ("color",),
+    scene: Scene, ready: Prepared, size: tuple[int, int], params: dict[str, Any], outputs: tuple[str, ...] = ("color",)
 ) -> None:
     """Draw a small picture off screen; none where there is no such context: then the window compiles by itself."""
     scales = tuple(level.scale for level in ready.plan.marching.schedule.levels)
