@@ -144,8 +144,7 @@ def check(scene: Scene, shot: Shot, options: Options) -> None:
 
 def shares_of(samples: int, number: int) -> list[tuple[int, int]]:
     """The (first, end) of each share of the samples of a pixel."""
-    ends = [samples * k // number for k in range(number + 1)]
-    return list(pairwise(ends))
+    return list(pairwise(samples * k // number for k in range(number + 1)))
 
 
 def _shared(content: str | None, split: int) -> str | None:
@@ -226,12 +225,8 @@ def render_frames(
         made = scene if isinstance(scene, Scene) else of_file(scene)[1]
         failed = _draw_here(made, shot, items, backend, device)
     else:
-        instance(
-            "render_frames: client",
-            client,
-            import_optional("render_frames with a client", "distributed", "cluster", ClusterError).Client,
-            "a distributed.Client, or None",
-        )
+        distributed = import_optional("render_frames with a client", "distributed", "cluster", ClusterError)
+        instance("render_frames: client", client, distributed.Client, "a distributed.Client, or None")
         source, made = (of_scene(scene), scene) if isinstance(scene, Scene) else of_file(scene)
         split = integer("render_frames: split_samples", split_samples, 1, 4096)
         timeout = real("render_frames: task_timeout", task_timeout, 1.0, 1e9, "seconds >= 1")

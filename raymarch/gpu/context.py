@@ -93,8 +93,6 @@ class Releasing:
 class Context(Releasing):
     """One OpenGL 3.3 core context, made by `open_context`. It is current only inside `with context.bound():`.
 
-    Attributes
-    ----------
     gl : the moderngl context. Use it and its objects inside `bound` only; never enter it with `with`.
     backend : "egl", "osmesa" or "window".
     driver, limits : identification and limits of the driver.

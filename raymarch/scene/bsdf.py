@@ -436,8 +436,6 @@ class Phong(BSDF):
 class Microfacets(BSDF):
     """Microfacet reflection (Cook and Torrance 1982) over a diffuse part that reflects light that passes the interface.
 
-    Attributes
-    ----------
     masking : "correlated" or "separable", see `Quality`.
     compensated : add the multiple scattering between the microfacets of metals (Kulla and Conty 2017).
     """
