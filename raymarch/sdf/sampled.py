@@ -115,13 +115,14 @@ def grid(values: ArrayLike, size: Vector | Scalar = (2.0, 2.0, 2.0), centre: Vec
 
     Parameters
     ----------
-    values : shape (nx, ny, nz), each 2 to 2048: values[i, j, k] is the distance at the i-th x, j-th y and k-th z.
-        The outermost samples lie on the faces of the box and must not be inside the solid.
+    values : shape (nx, ny, nz), each 2 to 2048: values[i, j, k] is the distance at the i-th x, j-th y and k-th z, in
+        any unit. The outermost samples lie on the faces of the box and must not be inside the solid.
     size : full extents of the box, > 0.
     centre : centre of the box.
 
-    Interpolated linearly. A bound: the field is divided by its steepest slope. Outside the box it combines the distance
-    to the box and the sample at the nearest point of the box.
+    Interpolated linearly. A bound: the values are divided by their steepest slope. Values away from the surface that
+    are steeper than twice the steepest slope there, such as 1e10 for unknown ones, are reduced. Outside the box the
+    field combines the distance to the box and the sample at the nearest point of the box.
     """
     array = finite_grid("grid", values, "distances")
     if (least := _least_on_faces(array)) < 0.0:
@@ -130,7 +131,8 @@ def grid(values: ArrayLike, size: Vector | Scalar = (2.0, 2.0, 2.0), centre: Vec
             legal="samples on the faces of the box >= 0: a larger box, or grid(...) & box(...) of padded samples; "
             "rm.isosurface(values, level) for values that are no distances",
         )
-    return sampled_grid(Samples(array.transpose(2, 1, 0)), size, centre)
+    whole = Domain(VEC3, low=0.0, open=True, stretch=True).accept("grid", "size", size)
+    return sampled_grid(_as_distances(array, interval_of(whole)[0]), whole, centre)
 
 
 @checked
@@ -167,8 +169,10 @@ def isosurface(
         warn(f"isosurface: level = {short(level)} {exceeds} all values, {array.max():g} at most: an empty solid")
     least = _mapped(lowest, values_at, heights) if at.is_constant else np.interp(lowest, values_at, heights)
     outside = least - np.interp(array, values_at, heights)
-    solid = sampled_grid(Samples(outside.transpose(2, 1, 0)), size, centre)
-    if not at.is_constant:
+    if at.is_constant:
+        solid = sampled_grid(_as_distances(outside, extents), size, centre)
+    else:
+        solid = sampled_grid(Samples(outside.transpose(2, 1, 0)), size, centre)
         inner = values_at[(values_at > lowest) & (values_at < highest)]
         ends = np.clip([lowest, *inner, highest], values_at[0], values_at[-1])
         steps = np.diff(np.interp(ends, values_at, heights)) / np.maximum(np.diff(ends), np.finfo(float).tiny)
@@ -196,6 +200,42 @@ def _refuse_broken(what: str, broken: NDArray[np.bool_], of: str, legal: str) ->
         raise SceneError(f"{what}: {np.sum(broken)} of {broken.size} {of} are not finite", legal=legal)
 
 
+def _as_distances(array: NDArray[np.float64], size: Any) -> Samples:
+    """Values in a box of that size as distances: the same surface, and no slope above 1.
+
+    Cells that hold the surface keep their values. No other value exceeds what twice the steepest slope there allows.
+    """
+    cell = np.min(np.asarray(size, np.float64) / (np.array(array.shape) - 1.0))
+    if not (array.min() <= 0.0 < array.max() and 0.0 < cell < np.inf):
+        return Samples(array.transpose(2, 1, 0))
+    values = array / np.abs(array).max()
+    low, high, slopes = _cells(values)
+    crossed = (low <= 0.0) & (high > 0.0)
+    steepest, allowed = slopes.max(), 4.0 * np.max(slopes, where=crossed, initial=0.0)
+    if steepest > allowed:
+        kept = np.pad(crossed, 1)
+        for axis in range(3):
+            kept = _over_ends(np.logical_or, kept, axis)
+        step = float(np.sqrt(allowed))
+        values = np.where(kept, values, np.where(values > 0.0, _limited(values, step), -_limited(-values, step)))
+        steepest = _cells(values)[2].max()
+    slope = np.sqrt(steepest) / cell * (1.0 + 1e-6)  # rounded to float32, no slope exceeds 1 either
+    return Samples(values.transpose(2, 1, 0) / slope)
+
+
+def _limited(values: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+    """Values above 0, reduced so that none exceeds a neighbour by more than a step."""
+    found = np.maximum(values, 0.0)
+    for axis in range(3):
+        along = np.moveaxis(found, axis, 0)
+        rise = (step * np.arange(len(along)))[:, None, None]
+        ahead = np.minimum.accumulate(along - rise) + rise
+        behind = np.minimum.accumulate((along + rise)[::-1])[::-1] - rise
+        limit = np.minimum(ahead, behind)
+        along[...] = np.where(limit < along * (1.0 - 1e-12), limit, along)
+    return found
+
+
 LEVELS = 33
 """Values between which an isosurface is mapped linearly: at equal shares of the samples, and as many at equal steps."""
 
@@ -203,13 +243,7 @@ LEVELS = 33
 def _evened(array: NDArray[np.float64], cell: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Values, and the heights to which they are mapped so that no slope exceeds 1: the integral of 1 over the steepest
     slope of the cells that hold a value."""
-    low, high, slopes = array, array, np.zeros(np.array(array.shape) - 1)
-    for axis in range(3):
-        step = np.abs(np.diff(array, axis=axis)) / cell[axis]
-        for other in {0, 1, 2} - {axis}:
-            step = _over_ends(np.maximum, step, other)
-        slopes += step**2
-        low, high = _over_ends(np.minimum, low, axis), _over_ends(np.maximum, high, axis)
+    low, high, slopes = _cells(array, cell)
     share = np.linspace(0.0, 1.0, LEVELS)
     values = np.unique([np.quantile(array, share), array.min() + np.ptp(array) * share])
     if len(values) < 2:
@@ -217,6 +251,18 @@ def _evened(array: NDArray[np.float64], cell: NDArray[np.float64]) -> tuple[NDAr
     steepest = np.sqrt([np.max(slopes, where=(high > a) & (low < b), initial=0.0) for a, b in pairwise(values)])
     heights = np.cumsum(np.diff(values) / np.maximum(steepest, 1e-6 * steepest.max()))
     return values, np.concatenate([[0.0], heights])
+
+
+def _cells(array: NDArray[np.float64], cell: Any = (1.0, 1.0, 1.0)) -> tuple[NDArray[np.float64], ...]:
+    """The least and the largest value of each cell, and the square of its steepest slope."""
+    low, high, slopes = array, array, np.zeros(np.array(array.shape) - 1)
+    for axis in range(3):
+        step = np.abs(np.diff(array, axis=axis)) / cell[axis]
+        for other in {0, 1, 2} - {axis}:
+            step = _over_ends(np.maximum, step, other)
+        slopes += step**2
+        low, high = _over_ends(np.minimum, low, axis), _over_ends(np.maximum, high, axis)
+    return low, high, slopes
 
 
 def _over_ends(choose: Any, array: NDArray[np.float64], axis: int) -> NDArray[np.float64]:

@@ -135,10 +135,40 @@ def test_the_spread_of_a_grid_bounds_its_box_and_no_less_would():
     x, y, z = np.meshgrid(axis, axis, axis, indexing="ij")
     node = rm.grid(3.0 * (np.sqrt(x * x + 4.0 * y * y + z * z) - 0.7), size=(2.0, 3.0, 4.0))
     points = np.random.default_rng(4).uniform(-4.0, 4.0, (100_000, 3))
+    points[::2, :2] *= 0.1  # the field is flattest along z
     value, (low, high) = node.distance(points), node.bounds
     away = np.max(np.maximum(np.maximum(low - points, points - high), 0.0), axis=1)
     largest = np.max(away[value > 0.0] / value[value > 0.0])
     assert 0.98 * node.facts.spread < largest <= node.facts.spread
+
+
+def random_values():
+    """Random numbers, above 0 on the faces of their box: the surface of a grid of them is in no cell far away."""
+    values = np.ones((8, 7, 6))
+    values[1:-1, 1:-1, 1:-1] = np.random.default_rng(5).normal(size=(6, 5, 4))
+    return values
+
+
+@pytest.mark.parametrize("make", [rm.grid, lambda values: rm.isosurface(-values, 0.0)], ids=["grid", "isosurface"])
+def test_the_unit_of_a_grids_values_does_not_matter(make):
+    """Before, flat values were hits in all of the box, and of steep ones float32 lost the squares."""
+    points, values = points_in(2.0, 1000), random_values()
+    known = make(values)
+    inside = known.gradient(points[np.max(np.abs(points), axis=1) < 1.0])
+    assert 0.3 < np.max(np.linalg.norm(inside, axis=1)) <= 1.0
+    for unit in (1e-30, 1e-6, 1e6, 1e30):
+        np.testing.assert_allclose(make(unit * values).distance(points), known.distance(points), rtol=1e-5, atol=1e-6)
+
+
+def test_huge_values_away_from_the_surface_neither_move_nor_flatten_it():
+    values = ball(24)
+    band = np.where(np.abs(values) < 0.2, values, 1e10 * np.sign(values))
+    whole, sparse = grid(values), grid(band)
+    points = points_in(1.0, 20_000)
+    known, found = whole.distance(points), sparse.distance(points)
+    assert np.array_equal(found > 0.0, known > 0.0)
+    assert np.min(np.abs(found) / np.maximum(np.abs(known), 1e-6)) > 0.3
+    assert sparse.facts.divisor == 1.0
 
 
 def test_the_order_of_a_grids_axes():
