@@ -7,6 +7,9 @@ marched. Each rule yields the option with the reason and the cure.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
 
 from raymarch.expr.node import Expr
 from raymarch.plan.shading import dims_ambient_light
@@ -14,6 +17,9 @@ from raymarch.scene.light import Light, RectLight
 from raymarch.scene.material import SMOOTH, Material
 from raymarch.scene.parameter import is_zero
 from raymarch.scene.scene import Scene
+from raymarch.sdf.booleans import hard_union
+from raymarch.sdf.labels import flattened, seen_labels
+from raymarch.sdf.node import Node
 
 
 def unused(scene: Scene) -> list[str]:
@@ -89,7 +95,56 @@ def _materials(scene: Scene) -> Iterator[str]:
                 yield _at(material, f"Material({option}=...) has no effect without {other}")
 
 
-RULES: tuple[Callable[[Scene], Iterator[str]], ...] = (_bounces, _ambient, _shadows, _camera, _fog, _materials)
+def _inside_glass(scene: Scene) -> Iterator[str]:
+    """Solids that a union with glass hides: it is one solid, and rays in glass meet its surface only."""
+    if not scene.bounces or not any(m.transmits for m in scene.materials):
+        return
+    for operands in _unions(scene.node):
+        labels = [seen_labels(solid) or {label} for solid, label in operands]
+        for (glass, _), made_of in zip(operands, labels, strict=True):
+            if all(isinstance(m, Material) and m.transmits for m in made_of):
+                for (solid, _), others in zip(operands, labels, strict=True):
+                    if not others <= made_of and _lies_inside(solid, glass):
+                        hidden = "a solid lies inside glass, in a union with it, and is not visible"
+                        yield _at(solid, f"{hidden} ((glass - solid) | solid, with a film of air between them)")
+
+
+def _unions(root: Node) -> Iterator[list[tuple[Node, Any]]]:
+    """The operands of the hard unions of a tree, each with the label that it inherits."""
+    visited: set[tuple[Node, Any]] = set()
+    pending: list[tuple[Node, Any]] = [(root, None)]
+    while pending:
+        node, label = each = pending.pop()
+        if each in visited:
+            continue
+        visited.add(each)
+        union = node.definition is hard_union.definition  # type: ignore[attr-defined]
+        inherited = label if node.label is None else node.label
+        children = [(child, inherited) for child in (flattened(node) if union else node.children)]
+        if union:
+            yield children
+        pending += children
+
+
+def _lies_inside(solid: Node, other: Node) -> bool:
+    """True if all of some points of a bounded solid are inside of another, at the defaults of their parameters."""
+    (low, high), (lower, upper) = solid.bounds, other.bounds
+    if not (solid.facts.bounded and np.all(lower <= low) and np.all(high <= upper)):
+        return False
+    points = low + (high - low) * np.random.default_rng(1).uniform(size=(256, 3))
+    points = points[solid.distance(points) < 0.0]
+    return bool(len(points) and np.all(other.distance(points) < 0.0))
+
+
+RULES: tuple[Callable[[Scene], Iterator[str]], ...] = (
+    _bounces,
+    _ambient,
+    _shadows,
+    _camera,
+    _fog,
+    _materials,
+    _inside_glass,
+)
 """The rules, by the parts of a scene."""
 
 

@@ -265,7 +265,7 @@ def _cells(array: NDArray[np.float64], cell: Any = (1.0, 1.0, 1.0)) -> tuple[NDA
     return low, high, slopes
 
 
-def _over_ends(choose: Any, array: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+def _over_ends(choose: Any, array: NDArray[Any], axis: int) -> NDArray[Any]:
     """The larger or smaller of the two ends of each cell along an axis."""
     ends = np.moveaxis(array, axis, 0)
     return np.moveaxis(choose(ends[:-1], ends[1:]), 0, axis)

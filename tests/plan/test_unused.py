@@ -95,6 +95,25 @@ def test_an_option_without_effect_is_named(words: str) -> None:
     assert words in sentence and unused(with_effect) == []
 
 
+BALL, PEARL = rm.sphere().material(GLASS), rm.sphere(0.3).material(CHALK)
+SWALLOWED = {
+    "a ball": (BALL | PEARL, (BALL - PEARL) | PEARL),
+    "another glass": (BALL | rm.sphere(0.3).material(GLASS.replace(ior=1.2)), BALL | rm.sphere(0.3).material(GLASS)),
+    "a moved union": ((BALL | PEARL).translate((1, 0, 0)), (BALL | PEARL.translate((0.8, 0, 0))).translate((1, 0, 0))),
+    "no material": (BALL | rm.sphere(0.3), (BALL | rm.sphere(0.3)).material(GLASS)),
+    "a hollow": (BALL | PEARL, (BALL - rm.sphere(0.32)) | PEARL),
+    "a chain": (rm.plane(offset=-1) | BALL | PEARL, rm.plane(offset=-0.2) | BALL | PEARL.translate((3, 0, 0))),
+}
+
+
+@pytest.mark.parametrize("name", SWALLOWED)
+def test_a_solid_that_glass_hides_is_named(name: str) -> None:
+    hidden, seen = (rm.Scene(node, bounces=4) for node in SWALLOWED[name])
+    (sentence,) = unused(hidden)
+    assert "a solid lies inside glass, in a union with it, and is not visible" in sentence
+    assert unused(seen) == [] == unused(hidden.replace(bounces=0))
+
+
 def test_a_sentence_has_the_line_of_the_part() -> None:
     light = rm.Sun(softness=0.1)
     (sentence,) = unused(rm.Scene(rm.sphere(), lights=[light, light]))
