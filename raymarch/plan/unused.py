@@ -101,10 +101,12 @@ def _inside_glass(scene: Scene) -> Iterator[str]:
         return
     for operands in _unions(scene.node):
         labels = [seen_labels(solid) or {label} for solid, label in operands]
-        for (glass, _), made_of in zip(operands, labels, strict=True):
+        lower, upper = (np.array(ends) for ends in zip(*(solid.bounds for solid, _ in operands), strict=True))
+        for i, made_of in enumerate(labels):
             if all(isinstance(m, Material) and m.transmits for m in made_of):
-                for (solid, _), others in zip(operands, labels, strict=True):
-                    if not others <= made_of and _lies_inside(solid, glass):
+                for j in np.nonzero(np.all((lower[i] <= lower) & (upper <= upper[i]), axis=1))[0]:
+                    solid = operands[j][0]
+                    if not labels[j] <= made_of and _lies_inside(solid, operands[i][0]):
                         hidden = "a solid lies inside glass, in a union with it, and is not visible"
                         yield _at(solid, f"{hidden} ((glass - solid) | solid, with a film of air between them)")
 
@@ -128,9 +130,9 @@ def _unions(root: Node) -> Iterator[list[tuple[Node, Any]]]:
 
 def _lies_inside(solid: Node, other: Node) -> bool:
     """True if all of some points of a bounded solid are inside of another, at the defaults of their parameters."""
-    (low, high), (lower, upper) = solid.bounds, other.bounds
-    if not (solid.facts.bounded and np.all(lower <= low) and np.all(high <= upper)):
+    if not solid.facts.bounded:
         return False
+    low, high = solid.bounds
     points = low + (high - low) * np.random.default_rng(1).uniform(size=(256, 3))
     points = points[solid.distance(points) < 0.0]
     return bool(len(points) and np.all(other.distance(points) < 0.0))
