@@ -81,3 +81,11 @@ def test_a_gradient_of_any_length_gives_a_normal_of_length_1(egl: Context) -> No
         3,
     )
     np.testing.assert_allclose(found, np.where(lengths[:, None] < 1e-12, -WAY, WAYS[1]), atol=8 * ULP)
+
+
+def test_a_normal_on_the_far_side_is_turned(egl: Context) -> None:
+    """Not one of a silhouette, which faces away by less than a quarter."""
+    along = np.array([-1.0, -0.1, 0.0, 0.2, 0.24, 0.26, 1.0])
+    normals = np.stack([np.sqrt(1 - along**2), 0 * along, along], axis=1)
+    found = run(egl, modules("light/visible_side"), "visible_side({0}, vec3(0.0, 0.0, 1.0))", [(VEC3, normals)], 3)
+    np.testing.assert_array_equal(found, np.where(along[:, None] > 0.25, -normals, normals).astype(np.float32))

@@ -3,7 +3,7 @@
 python -m tests.lab.glsl_faults               # all that docs/figures/glsl_faults.json does not hold: an hour at most
 python -m tests.lab.glsl_faults --anew        # all
 python -m tests.lab.glsl_faults march/refine  # of some modules, anew
-python -m tests.lab.glsl_faults --missed      # those that nothing noticed, anew
+python -m tests.lab.glsl_faults --missed      # those that nothing noticed, anew, by ten times as many tests
 python -m tests.lab.glsl_faults --functions   # asks the tests of functions alone, and records what they notice
 python -m tests.lab.glsl_faults --uses FILE   # keep in a file what the tests draw with, or take it from there
 
@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.lab.long_runs import keep
-from tests.lab.seeded import FOLDERS, PACKAGE, ROOT, Bench, arguments, calls, code_of, reads, run
+from tests.lab.seeded import ENOUGH, FOLDERS, PACKAGE, ROOT, Bench, arguments, calls, code_of, reads, run
 
 LEDGER = ROOT / "docs" / "figures" / "glsl_faults.json"
 FOLDER = PACKAGE / "glsl"
@@ -209,7 +209,8 @@ def main(given: list[str]) -> int:
             LEDGER.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
 
     if faults:
-        run(work, FOLDERS[:1] if functions_alone else FOLDERS, uses)
+        longest = 10 * ENOUGH if "--missed" in given else ENOUGH
+        run(work, FOLDERS[:1] if functions_alone else FOLDERS, uses, longest)
     seen, none, missed = counts(ledger())
     figures = {"faults that can be seeded": len(present), "tried": seen + none + missed, "noticed": seen}
     keep("glsl_faults", **figures, **{"no faults: they change nothing": none, "missed": missed})

@@ -38,14 +38,14 @@ from raymarch.gpu.targets import Target
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "raymarch"
-FOLDERS = ("functions", "plan", "shader", "render", "gpu", "hard", "export")
-"""The folders of tests that draw, and do so in seconds."""
+FOLDERS = ("functions", "plan", "shader", "render", "gpu", "export/test_shaders.py")
+"""The folders of tests that draw, and do so in little time."""
 
 LONGEST = 120.0
 """Seconds for a single test of a fault; a loop that never ends is noticed too."""
 
-ENOUGH = 100.0
-"""Seconds that all tests of a fault may take, as far as they were asked without one."""
+ENOUGH = 3.0
+"""CPU seconds that all tests of a fault may take, as they did without it: enough for what is easily noticed."""
 
 ENVIRONMENT = {"LP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "GALLIVM_PERF": "nopt"}
 """As in tests/run.sh."""
@@ -240,8 +240,8 @@ def functions_in(tree: ast.Module) -> list[tuple[str, ast.FunctionDef]]:
 class Bench:
     """A plugin of pytest that, in place of running the tests once, lets `work(bench)` run some of them at will."""
 
-    def __init__(self, work: Callable[[Bench], None], recorded: Path | None) -> None:
-        self.work, self.recorded = work, recorded
+    def __init__(self, work: Callable[[Bench], None], recorded: Path | None, longest: float) -> None:
+        self.work, self.recorded, self.longest = work, recorded, longest
         self.items: dict[str, pytest.Item] = {}
         self.uses = Uses()
         self.noticed: dict[str, Counter[str]] = {}
@@ -398,18 +398,24 @@ class Bench:
                 print(f"red by itself without a fault, and not asked: {name}", flush=True)
         return self.alone[name]
 
-    def ordered(self, names: Sequence[str], about: str, longest: float = ENOUGH) -> list[str]:
-        """Tests in the order in which they are asked: those of single functions, then quick ones; of each, first those
-        that noticed other faults of the same thing. Those beyond `longest` seconds in all are left out."""
+    def ordered(self, names: Sequence[str], about: str) -> list[str]:
+        """Tests in the order in which they are asked: those of single functions, then the quickest of each file, the
+        second quickest, and so on; of each, first those that noticed other faults of the same thing.
+
+        Of the tests of more than a function, those beyond `longest` CPU seconds in all are left out.
+        """
         known = self.noticed.get(about, Counter())
-
-        def key(name: str) -> tuple[Any, ...]:
-            use = self.uses.tests[name]
-            return not name.startswith("tests/functions/"), -known[name], use.seconds
-
-        chosen = sorted((name for name in names if self.alone.get(name, True)), key=key)
-        ends = accumulate(self.uses.tests[name].seconds for name in chosen)
-        return [name for name, end in zip(chosen, ends, strict=True) if end <= longest]
+        quick = sorted((name for name in names if self.alone.get(name, True)), key=lambda n: self.uses.tests[n].seconds)
+        places: Counter[str] = Counter()
+        order = {}
+        for name in quick:
+            file = name.partition("::")[0]
+            places[file] += 1
+            alone = file.startswith("tests/functions/")
+            order[name] = (not alone, -known[name], 0 if alone else places[file], self.uses.tests[name].seconds)
+        chosen = sorted(quick, key=order.__getitem__)
+        ends = accumulate(order[name][0] * self.uses.tests[name].seconds for name in chosen)
+        return [name for name, end in zip(chosen, ends, strict=True) if end <= self.longest or name in known]
 
     def note(self, about: str, found: str) -> None:
         if found in self.uses.tests:
@@ -425,14 +431,21 @@ class Bench:
         return [name for name, use in self.uses.tests.items() if function in use.called]
 
 
-def run(work: Callable[[Bench], None], folders: Sequence[str] = FOLDERS, recorded: Path | None = None) -> None:
+def run(
+    work: Callable[[Bench], None],
+    folders: Sequence[str] = FOLDERS,
+    recorded: Path | None = None,
+    longest: float = ENOUGH,
+) -> None:
     """Collect the tests of some folders and let `work` ask them.
 
     recorded : a file that keeps what the tests use; read if it is there, else written.
+    longest : CPU seconds that all tests of a fault may take, as they did without it.
     """
     os.environ.update({name: os.environ.get(name, value) for name, value in ENVIRONMENT.items()})
     paths = [str(ROOT / "tests" / folder) for folder in folders]
-    status = pytest.main(["-q", "-s", "-p", "no:cacheprovider", "--no-header", *paths], plugins=[Bench(work, recorded)])
+    bench = Bench(work, recorded, longest)
+    status = pytest.main(["-q", "-s", "-p", "no:cacheprovider", "--no-header", *paths], plugins=[bench])
     assert status in (0, 5), f"pytest ended with {status}"
 
 

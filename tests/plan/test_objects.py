@@ -17,6 +17,8 @@ from raymarch.plan.cells import CUT
 from raymarch.plan.explain import as_dict, show
 from raymarch.plan.gather import AS_DATA, gather
 from raymarch.plan.objects import ObjectsInCells
+from raymarch.scene.scene import all_nodes
+from raymarch.sdf.labels import rows_of
 from raymarch.sdf.rows import Rows
 from raymarch.shader import assemble
 
@@ -379,3 +381,18 @@ def test_the_plan_says_which_and_why():
         (found,) = [f for f in as_dict(plan(scene), {})["features"] if f["name"] == "objects as data"]
         assert found["used"] is used
         assert ("40 objects" in found["reason"]) is used
+
+
+def test_a_tree_without_objects_stays_and_one_with_them_has_their_rows():
+    alone = rm.box().translate((1, 0, 0)) & rm.sphere(2)
+    assert gather(alone, "data", 0.0).node is alone
+    turned = (rm.union(*objects(9)) - rm.plane()).rotate(0.3).scale(2.0)
+    made = gather(turned, "data", 0.0)
+    assert len(made.rows) == 1 and any(rows_of(each) is not None for each in all_nodes(made.node))
+
+
+def test_the_reason_for_text_is_what_was_asked_for():
+    node = rm.union(*objects(9))
+    assert gather(node, "text", 0.0).reason == "Quality(objects='text')"
+    assert gather(node, "auto", 0.0).reason.startswith("no union of")
+    assert gather(node, "text", np.inf).reason.startswith("ambient occlusion")
