@@ -501,3 +501,69 @@ def test_samples_beside_the_middle_tell_of_the_middle(egl: Context, jitter: tupl
     assert errors["joined"] < 0.9 * errors["middle"], errors
     text = "uniform vec2 u_jitter;\n" + changed_text("filter_sample(at, texelFetch(u_color, at, 0), u_jitter, 1.0)")
     np.testing.assert_array_equal(draw(egl, text, (64, 48), given)[0], drawn.astype(np.float32))
+
+
+# A point in the frame before.
+
+EARLIER = """
+struct Ray { vec3 origin; vec3 direction; };
+struct Hit { bool found; float t; };
+uniform sampler2D u_surface;
+uniform vec2 u_resolution;
+uniform vec3 u_camera_position;
+uniform mat3 u_camera_frame;
+uniform float u_pixel, u_facing, u_moved, u_gap, u_steepness;
+float u_side = 0.0;
+Hit no_hit(float t) { return Hit(false, t); }
+float field(vec3 p) {
+    float r = u_steepness * u_facing * (p.z + 2.0);
+    return u_gap > 0.0 ? u_facing * length(vec2(r, u_gap)) : r;
+}
+vec3 surface_normal(vec3 p, vec3 direction) { return vec3(0.0, 0.0, u_facing); }
+vec3 previous_position(vec3 p) { return p + vec3(0.0, 0.0, u_moved); }
+vec3 shade(Ray ray, Hit hit) { return vec3(u_side, float(hit.found), hit.t); }
+"""
+
+
+@pytest.mark.parametrize("facing", [1.0, -1.0])
+@pytest.mark.parametrize("steepness", [1.0, 0.3, 0.0])
+@pytest.mark.parametrize(("moved", "gap"), [(0.0, 0.0), (0.01, 0.0), (-0.01, 0.0), (0.01, 0.5)])
+def test_a_point_is_shaded_where_it_was(
+    egl: Context, facing: float, steepness: float, moved: float, gap: float
+) -> None:
+    """A plane at z = -2, from the side of its normal and from inside. A shape that changed is found from near by, unless a
+    gap or no slope hides it."""
+    size = (8, 6)
+    text = modules("temporal/before", before=EARLIER, variants=frozenset({"OWN_START"}))
+    x, y = np.meshgrid(np.arange(8) + 0.5, np.arange(6) + 0.5)
+    screen = np.stack([(2 * x - 8) / 6, (2 * y - 6) / 6], axis=2) * 0.5
+    t = 2 * np.sqrt(1 + np.sum(screen**2, axis=2))
+    t[0, 0] = -1.0  # the sky
+    values = {
+        "u_surface": np.dstack([t, *np.zeros((3, 6, 8))]),
+        "u_resolution": size,
+        "u_now_frame": np.eye(3),
+        "u_camera_frame": np.eye(3),
+        "u_now_position": (0.0, 0.0, 0.0),
+        "u_camera_position": (0.0, 0.0, 0.0),
+        "u_now_tan_half_fov": 0.5,
+        "u_jitter": (0.0, 0.0),
+        "u_pixel": 0.01,
+        "u_facing": facing,
+        "u_moved": moved,
+        "u_gap": gap,
+        "u_steepness": steepness,
+    }
+    color, motion = draw(egl, text, size, values, attachments=2)
+    np.testing.assert_array_equal(color[0, 0], (0.0, 0.0, 0.0, 1.0))
+    np.testing.assert_array_equal(motion[0, 0], 0.0)
+    color, motion, t = color.reshape(-1, 4)[1:], motion.reshape(-1, 4)[1:], t.ravel()[1:]
+    np.testing.assert_array_equal(color[:, 3], float(gap == 0.0))
+    assert np.all(np.isfinite(motion))
+    if gap == 0.0:
+        np.testing.assert_array_equal(color[:, :2], [(facing, 1.0)] * 47)
+        near = 0.1 * 0.01 * t * (1 + 1e-3)  # a tenth of a pixel
+        assert np.all(steepness * np.abs(2 - 2 * color[:, 2] / t) <= near)
+        assert np.all(steepness * np.abs(motion[:, 2]) <= near) and not motion[:, :2].any()
+    else:
+        np.testing.assert_array_equal(color[:, :3], 0.0)

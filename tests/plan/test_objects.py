@@ -16,7 +16,7 @@ from raymarch.plan import cells, plan
 from raymarch.plan.cells import CUT
 from raymarch.plan.explain import as_dict, show
 from raymarch.plan.gather import AS_DATA, gather
-from raymarch.plan.objects import ObjectsInCells
+from raymarch.plan.objects import ObjectsInCells, exact_distance, largest_size
 from raymarch.scene.scene import all_nodes
 from raymarch.sdf.labels import rows_of
 from raymarch.sdf.rows import Rows
@@ -396,3 +396,20 @@ def test_the_reason_for_text_is_what_was_asked_for():
     assert gather(node, "text", 0.0).reason == "Quality(objects='text')"
     assert gather(node, "auto", 0.0).reason.startswith("no union of")
     assert gather(node, "text", np.inf).reason.startswith("ambient occlusion")
+
+
+def test_shadows_of_lights_read_the_field_up_to_their_size():
+    """The softness of a light at a place is a length, that of a direction is an angle, which widens with the way."""
+    ball = rm.sphere(2.0)
+
+    def distance(light, **more):
+        return exact_distance(rm.Scene(ball, lights=[light], **more))
+
+    cone = {"shadow": True, "softness": 0.2, "penumbra": "cone"}
+    size = largest_size(rm.Scene(ball))
+    np.testing.assert_allclose(size, 4 * np.sqrt(3))
+    assert distance(rm.PointLight((0, 5, 0), **cone)) == 0.2
+    np.testing.assert_allclose(distance(rm.Sun((0, 1, 0), **cone)), 0.2 * size)
+    assert distance(rm.Sun((0, 1, 0), **cone | {"penumbra": "sampled"})) == 0.0
+    assert distance(rm.PointLight((0, 5, 0), **cone | {"softness": 100.0})) == size
+    assert distance(rm.Sun((0, 1, 0)), occlusion=rm.AmbientOcclusion(4, reach=0.7)) == 0.7
