@@ -228,3 +228,23 @@ def test_rays_in_the_plane_of_a_slice_meet_it_at_the_camera(egl: Context) -> Non
     for beside in (1e-30, 1e-3, 0.5, 2.0, 1e30):
         for side in (beside, -beside):
             assert np.all(sliced(egl, (0, 1, 0, side), (0.0, 0.0, 3.0))[1] == (0, 0, -1, 0)), "near it, yet never met"
+
+
+def test_points_of_a_lens_keep_the_areas_of_the_square(egl: Context) -> None:
+    """Squares about the centre become circles (Shirley and Chiu 1997), and the centre stays."""
+    before = """
+        uniform int u_sample;
+        vec2 drawn;
+        int calls;
+        uint pcg(uint v) { calls++; return uint((calls == 2 ? drawn.x : drawn.y) * 16777216.0) << 8; }
+    """
+    after = "vec2 point(vec2 x) { drawn = x; calls = 0; return lens_point(); }"
+    drawn = np.vstack([np.random.default_rng(2).uniform(0, 0.999, (500, 2)), [(0.5, 0.5), (0.5, 0.9), (0.1, 0.5)]])
+    text = modules("view/lens", before=before, after=after)
+    found = run(egl, text, "point({0})", [(VEC2, drawn)], 2, {"u_sample": 0, "u_lens": (0.25, 3.0)})
+    x, y = (2 * drawn.astype(np.float32).astype(float) - 1).T
+    wide = np.abs(x) > np.abs(y)
+    r = np.where(wide, x, y)
+    share = np.divide(np.where(wide, y, x), r, out=np.zeros_like(r), where=r != 0)
+    angle = np.pi / 4 * np.where(wide, share, 2 - share)
+    np.testing.assert_allclose(found, 0.25 * r[:, None] * np.stack([np.cos(angle), np.sin(angle)], 1), atol=1e-6)

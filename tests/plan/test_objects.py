@@ -15,7 +15,7 @@ from raymarch.expr.operations import operations
 from raymarch.plan import cells, plan
 from raymarch.plan.cells import CUT
 from raymarch.plan.explain import as_dict, show
-from raymarch.plan.gather import AS_DATA, gather
+from raymarch.plan.gather import AS_DATA, REACH, gather
 from raymarch.plan.objects import ObjectsInCells, exact_distance, largest_size
 from raymarch.scene.scene import all_nodes
 from raymarch.sdf.labels import rows_of
@@ -413,3 +413,12 @@ def test_shadows_of_lights_read_the_field_up_to_their_size():
     assert distance(rm.Sun((0, 1, 0), **cone | {"penumbra": "sampled"})) == 0.0
     assert distance(rm.PointLight((0, 5, 0), **cone | {"softness": 100.0})) == size
     assert distance(rm.Sun((0, 1, 0)), occlusion=rm.AmbientOcclusion(4, reach=0.7)) == 0.7
+
+
+def test_a_grid_reserves_what_a_blend_lowers_the_field_by_and_more_beside_a_plane():
+    """An unbounded operand that is nearer decides alone, so that the blend is lowered twice."""
+    balls = [rm.sphere(0.3).translate((i, 0, 0)) for i in range(8)]
+    alone, beside = (located(rm.union(*some, k=0.2)).cells for some in (balls, [*balls, rm.plane(offset=-1)]))
+    lowers = 0.25 * 0.2 * 3
+    assert alone.less == REACH["quadratic"] * 0.2 + lowers
+    assert beside.less == REACH["quadratic"] * 0.2 + 2 * 0.25 * 0.2 * 4

@@ -8,6 +8,7 @@ import json
 import operator
 from typing import Any
 
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -15,6 +16,7 @@ import raymarch as rm
 from raymarch.errors import PlanError
 from raymarch.plan import explain, plan
 from raymarch.plan.plan import LARGEST, Plan
+from raymarch.plan.shading import patterned
 from raymarch.shader import assemble
 
 RED, BLUE = rm.Material((1, 0, 0)), rm.Material((0, 0, 1))
@@ -308,3 +310,9 @@ def test_of_many_solids_with_closed_forms_only_the_unbounded_are_solved() -> Non
     closed = plan(rm.Scene(many | rm.plane())).analytic
     assert (len(closed.solved), len(closed.marched)) == (1, 25)
     assert len(plan(rm.Scene(many, quality=rm.Quality(analytic=True))).analytic.solved) == 25
+
+
+def test_a_material_of_a_texture_or_of_the_point_is_patterned() -> None:
+    picture = rm.triplanar(np.linspace(0, 1, 48).reshape(4, 4, 3))
+    for color, known in (((1, 0, 0), False), (picture, True), (lambda p: 0.5 + 0.5 * p, True)):
+        assert patterned(rm.Scene(rm.sphere().material(rm.Material(color)))) is known
