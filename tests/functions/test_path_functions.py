@@ -239,6 +239,16 @@ def test_a_second_ray_ends_with_the_box(egl: Context) -> None:
     assert not found and evaluations == 0
 
 
+def test_a_second_ray_out_of_steps_meets_what_it_falls_towards(egl: Context) -> None:
+    """64 steps end before the wall, and far from the end of a ray beside one."""
+    found, t, evaluations = met(egl, "0.05 - 0.004 * p.z", 0.01, (0.0, 30.0), 1.0)
+    assert found and abs(t - 12.5) < 1e-2 and evaluations == 64
+    found, _, evaluations = met(egl, "0.05 - 0.004 * p.z", 0.01, (0.0, 12.0), 1.0)
+    assert not found and evaluations == 64
+    found, _, evaluations = met(egl, "0.02", 0.01, (0.0, 30.0), 1.0)
+    assert not found and evaluations == 64
+
+
 def test_glass_thinner_than_where_a_ray_starts_has_an_end(egl: Context) -> None:
     found, t, _ = met(egl, "max(-p.z, p.z - 0.001)", 0.01, (0.0, 0.001), -1.0)
     assert found and abs(t - 0.001) < 2e-4
