@@ -249,6 +249,28 @@ def test_a_second_ray_out_of_steps_meets_what_it_falls_towards(egl: Context) -> 
     assert not found and evaluations == 64
 
 
+def second_evaluations(slope: float, far: float) -> int:
+    """How often a ray asks a plane that it leaves: the slope that it expects is -0.7 at first."""
+    t, r, expected, count = 0.01, 0.0, -0.7, 0
+    while True:
+        z = max(r, min(2 * r / (1 - expected), far - t + r))
+        if t + min(z, r) > far:
+            return count
+        ahead, count = 0.02 + slope * (t + z), count + 1
+        found = (ahead - r) / z if z > 0 else expected
+        empty = z <= r + abs(ahead)
+        expected = min(max(0.7 * expected + 0.3 * found, -1.0), 0.999) if empty else -1.0
+        t, r = (t + z, ahead) if empty else (t, r)
+
+
+@pytest.mark.parametrize("slope", [1.0, 0.6, 0.3])
+def test_a_second_ray_learns_the_slope_of_the_field(egl: Context, slope: float) -> None:
+    """Its first sample, of which no step tells a slope, leaves what it expects as it was."""
+    for far in (0.1, 0.3, 1.0, 3.0, 10.0, 30.0):
+        found, _, evaluations = met(egl, f"0.02 + {slope} * p.z", 0.01, (0.0, far), 1.0)
+        assert not found and evaluations == second_evaluations(slope, far)
+
+
 def test_glass_thinner_than_where_a_ray_starts_has_an_end(egl: Context) -> None:
     found, t, _ = met(egl, "max(-p.z, p.z - 0.001)", 0.01, (0.0, 0.001), -1.0)
     assert found and abs(t - 0.001) < 2e-4

@@ -449,6 +449,22 @@ def test_as_many_samples_are_kept_as_make_the_error_least(egl: Context, change: 
     assert np.all(draw(egl, changed_text("vec4(samples_kept(at, 10.0))"), (12, 9), given)[0] == 10)
 
 
+@pytest.mark.parametrize("poison", [np.nan, np.inf])
+def test_a_sample_that_is_not_finite_counts_neither_as_noise_nor_as_change(egl: Context, poison: float) -> None:
+    now = np.random.default_rng(3).random((7, 9, 4)).astype(np.float32)
+    now[..., 3] = 1
+    before = now.copy()
+    before[..., 1] -= np.float32(0.1)
+    now[3, 4, 1] = poison
+    given = {"u_color": now, "u_earlier_color": before, "u_changed": True}
+    found = draw(egl, changed_text("vec4(samples_kept(at, 10.0))"), (9, 7), given)[0][..., 0]
+    near = around(now[..., :3].astype(float))
+    near[~np.isfinite(near).all(axis=3)] = np.nan
+    noise, tried = 0.25 * np.nanvar(near, axis=2).sum(axis=2), np.linspace(0, 10, 2001)
+    cost = tried**2 * 0.1**2 + noise[..., None] / (2 * tried + 1)
+    np.testing.assert_allclose(found, tried[cost.argmin(axis=2)], atol=0.05)
+
+
 def test_what_changes_in_one_pixel_counts_in_all_around(egl: Context) -> None:
     now = np.ones((7, 9, 4))
     before = now.copy()

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raymarch.expr.types import VEC2
+from raymarch.expr.types import VEC2, VEC3
 from raymarch.gpu.context import Context
 from tests.support.glsl_harness import draw, modules, run
 from tests.support.required import needs_extension
@@ -248,3 +248,20 @@ def test_points_of_a_lens_keep_the_areas_of_the_square(egl: Context) -> None:
     share = np.divide(np.where(wide, y, x), r, out=np.zeros_like(r), where=r != 0)
     angle = np.pi / 4 * np.where(wide, share, 2 - share)
     np.testing.assert_allclose(found, 0.25 * r[:, None] * np.stack([np.cos(angle), np.sin(angle)], 1), atol=1e-6)
+
+
+def test_an_orbit_begins_where_the_camera_is(egl: Context) -> None:
+    """Also almost straight above and below its target, where rounding may raise the sine of its elevation above 1."""
+    random = np.random.default_rng(4)
+    ups, sides = random.normal(size=(2, 600, 3))
+    sides = np.cross(ups, sides)
+    sides /= np.linalg.norm(sides, axis=1, keepdims=True)
+    away = np.geomspace(1e-3, 1e3, 600)[:, None] * (ups / np.linalg.norm(ups, axis=1, keepdims=True) + 2e-4 * sides)
+    away[::2] *= -1
+    after = "vec3 placed(vec3 away, vec3 up) { place_camera(away, vec3(0.0), up); return u_camera_position; }"
+    text = modules("view/pose", after=after)
+    inputs = [(VEC3, away), (VEC3, ups)]
+    uniforms = {"u_orbit": (1e-30, 0.0, 0.0), "u_pan": (0.0, 0.0)}
+    found = run(egl, text, "placed({0}, {1})", inputs, 3, uniforms)
+    off = np.linalg.norm(found - away, axis=1) / np.linalg.norm(away, axis=1)
+    assert np.max(off) < 2e-3  # asin is the driver's own
