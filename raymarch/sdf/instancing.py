@@ -30,8 +30,8 @@ __all__ = ["instances"]
 Array = NDArray[np.float64]
 
 LEGAL = (
-    "(N, 3) positions, (N, 4) positions and factors, (N, 4, 4) matrices for row vectors, or (N, 3, 4) matrices for "
-    "column vectors"
+    "(N, 3) positions, (N, 4) positions and factors, (N, 6) positions and vectors, (N, 4, 4) matrices for row vectors, "
+    "or (N, 3, 4) matrices for column vectors"
 )
 RIGID = "rotations times one factor > 0, and an offset"
 
@@ -43,6 +43,8 @@ def _placements(transforms: ArrayLike) -> tuple[Array | None, Array]:
         linear, offsets = None, given
     elif given.ndim == 2 and given.shape[1] == 4:
         linear, offsets = given[:, 3, None, None] * np.eye(3), given[:, :3]
+    elif given.ndim == 2 and given.shape[1] == 6:
+        linear, offsets = _along(given[:, 3:]), given[:, :3]
     elif given.ndim == 3 and given.shape[1:] == (4, 4):
         if not np.array_equal(given[:, :, 3], np.broadcast_to((0.0, 0.0, 0.0, 1.0), given.shape[:2])):
             row = int(np.argmax(np.any(given[:, :, 3] != (0.0, 0.0, 0.0, 1.0), axis=1)))
@@ -61,6 +63,23 @@ def _placements(transforms: ArrayLike) -> tuple[Array | None, Array]:
         row = int(np.argmax(~np.isfinite(given.reshape(len(given), -1)).all(axis=1)))
         raise SceneError(f"instances: transforms[{row}] = {short(given[row].tolist())}", legal="finite numbers")
     return linear, np.ascontiguousarray(offsets)
+
+
+def _along(vectors: Array) -> Array:
+    """The matrices (N, 3, 3) that turn the y axis along some vectors by the shortest way, times their lengths."""
+    lengths = np.linalg.norm(vectors, axis=1)
+    if np.any(lengths == 0.0):
+        row = int(np.argmax(lengths == 0.0))
+        raise SceneError(
+            f"instances: the vector of transforms[{row}] is 0", legal="vectors with a length: leave it out"
+        )
+    with np.errstate(invalid="ignore"):
+        x, y, z = (vectors / lengths[:, None]).T
+        wide = np.hypot(x, z)
+        a, b = np.where(wide > 0.0, (x, z) / np.where(wide > 0.0, wide, 1.0), [[1.0], [0.0]])
+    less = 1.0 - y  # about the horizontal axis at right angles to (a, b)
+    turned = np.stack([1 - a * a * less, x, -a * b * less, -x, y, -z, -a * b * less, z, 1 - b * b * less], axis=1)
+    return lengths[:, None, None] * turned.reshape(-1, 3, 3)
 
 
 def _factors(linear: Array) -> Array:
@@ -180,7 +199,7 @@ def moved(rows: Rows, by: Array) -> Rows:
     node, transforms, materials = given(rows)
     shifted = transforms.copy()
     if transforms.ndim == 2:
-        shifted += by
+        shifted[:, :3] += by
     elif transforms.shape[1] == 4:
         shifted[:, 3, :3] += by
     else:
@@ -216,10 +235,14 @@ def instances(node: Node, transforms: ArrayLike, materials: Any = None) -> Node:
     Parameters
     ----------
     node : the solid: bounded, exact or a bound, without `Param` and `time`.
-    transforms : shape (N, 3): positions, in units of length; or (N, 4): x, y, z and a factor > 0 of the size, such as
-        the radius of a `sphere(1)`: `np.column_stack([positions, radii])`; or (N, 4, 4): matrices for row vectors, as
-        `transform` takes them, the offset in the last row; or (N, 3, 4): matrices for column vectors, the offset in
-        the last column. A matrix is a rotation times one factor > 0, and an offset. N is 1 or more.
+    transforms : N rows, 1 or more. Shape (N, 3): positions, in units of length.
+        (N, 4): x, y, z and a factor > 0 of the size, such as the radius of a `sphere(1)`:
+        `np.column_stack([positions, radii])`.
+        (N, 6): x, y, z and a vector, for arrows: the y axis of the node points along it, by the shortest rotation, and
+        its length is the factor of the size.
+        (N, 4, 4): matrices for row vectors, as `transform` takes them, the offset in the last row.
+        (N, 3, 4): matrices for column vectors, the offset in the last column.
+        A matrix is a rotation times one factor > 0, and an offset.
     materials : of the instances; parts of the node that have their own material keep it. None leaves it to the node.
 
         - a Material for all, or a sequence of N.

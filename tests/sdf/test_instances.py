@@ -48,6 +48,39 @@ def test_positions_and_matrices_equal_nodes():
         assert made.exactness == node.exactness
 
 
+def test_arrows_point_along_their_vectors():
+    arrow = rm.cylinder(0.1, 1).translate((0.02, 0.5, 0.05))
+    axes = np.concatenate([np.eye(3), -np.eye(3), [(1e-9, -1, 0), (0, -1, 1e-9)]])
+    vectors = np.concatenate([axes, np.random.default_rng(3).normal(size=(40, 3))])
+    points = np.random.default_rng(4).uniform(-2, 2, (50, 3))
+    for vector in vectors:
+        length = float(np.linalg.norm(vector))
+        made = rm.instances(arrow, [[0.5, 1, -2, *vector]])
+        axis = rm.instances(rm.capsule((0, 0, 0), (0, 1, 0), 1e-3), [[0.5, 1, -2, *vector]])
+        assert np.allclose(axis.distance(np.add((0.5, 1, -2), np.outer([0, 0.5, 1], vector))), -1e-3 * length)
+        if vector[1] > -0.999 * length:  # the shortest way to the opposite direction is not unique
+            same = arrow.scale(length).orient(vector).translate((0.5, 1, -2))
+            np.testing.assert_allclose(made.distance(points), same.distance(points), atol=1e-12)
+
+
+def test_each_kind_of_array_is_drawn_far_from_the_origin(egl):
+    places = np.array([(0.0, 0, 0), (1.5, 0, 0)])
+    rows = {
+        "positions": places,
+        "sizes": np.column_stack([places, [0.5, 0.7]]),
+        "vectors": np.column_stack([places, [(1, 1, 0), (0, -0.5, 0)]]),
+    }
+    with rm.Renderer((24, 16), context=egl) as renderer:
+        for array in rows.values():
+            near, far = array, array.copy()
+            far[:, 0] += 2.0**21
+            drawn = [
+                renderer.render(rm.Scene(rm.instances(rm.cone(0.5, 1), given), rm.Camera((x, 1, 6), (x, 0, 0)))).color
+                for given, x in ((near, 0.0), (far, 2.0**21))
+            ]
+            np.testing.assert_allclose(*drawn, atol=1e-5)
+
+
 def test_equal_arrays_are_equal_and_pickled():
     made = rm.instances(rm.box(), PLACES, ([RED, BLUE], np.arange(12) % 2))
     assert made == rm.instances(rm.box(), PLACES.copy(), ([RED, BLUE], np.arange(12) % 2))
