@@ -220,7 +220,8 @@ def refuse_textures(made: Plan, shader: Shader, form: str) -> None:
     for data in made.textures:
         if data.name not in shader.constants:
             what = f"{data.label}: a {form} file holds no textures, and up to {SMALL} numbers of sampled data"
-            raise PlanError(what, legal="a .html page, or a .glsl file", where=_place_of(made.scene, data))
+            fewer = "a smaller resolution= of text, image or mesh; " if isinstance(data, Samples) else ""
+            raise PlanError(what, legal=f"{fewer}a .html page, or a .glsl file", where=_place_of(made.scene, data))
 
 
 def _place_of(scene: Scene, data: Any) -> Location | None:

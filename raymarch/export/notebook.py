@@ -7,7 +7,7 @@ from html import escape
 from importlib.util import find_spec
 from typing import Any
 
-from raymarch.errors import PlanError, SceneError
+from raymarch.errors import PlanError, SceneError, UnknownNameError
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import integer, short
 from raymarch.gpu import frame
@@ -61,6 +61,13 @@ class Live:
         style = f"width: 100%; max-width: {width}px; height: {height}px; border: 0"
         found["text/html"] = f'<iframe srcdoc="{page}" style="{style}" allow="fullscreen"></iframe>'
         return found
+
+    def __getattr__(self, name: str) -> Any:
+        if name in ("params", "time", "playing", "view", "orbit", "pan", "observe", "render"):
+            why = "needs the package anywidget" if in_notebook() else "is that of a widget in a notebook; this is none"
+            legal = "pip install 'raymarch[jupyter]', or rm.render(scene, params=...)"
+            raise UnknownNameError(f"show: {name} {why}", legal=legal)
+        raise AttributeError(name)  # what Python and its tools look for
 
     def __repr__(self) -> str:
         return f"<raymarch scene, {self.size[0]}x{self.size[1]}>"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -50,6 +51,13 @@ def test_show_is_a_page_or_a_picture() -> None:
 def test_what_cannot_be_shown_is_refused(options: dict[str, Any]) -> None:
     with pytest.raises(RaymarchError):
         rm.show(rm.sphere(), **options)
+
+
+def test_a_page_without_a_widget_says_so() -> None:
+    shown = rm.show(rm.sphere(rm.Param("size", 1.0, 0.5, 2.0)))
+    with pytest.raises(rm.SceneError, match=r"show: params is that of a widget.*pip install 'raymarch\[jupyter\]'"):
+        shown.params  # noqa: B018
+    assert not hasattr(shown, "nothing") and pickle.loads(pickle.dumps(shown)) == shown
 
 
 def test_all_arrays_of_a_frame_in_one_file(tmp_path: Path, renderer: Renderer) -> None:

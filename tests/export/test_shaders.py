@@ -244,6 +244,13 @@ def refused(scene: rm.Scene, folder: Path, **options: Any) -> str:
     return str(caught.value)
 
 
+def test_letters_too_fine_for_shadertoy_name_their_resolution(tmp_path: Path) -> None:
+    fine, coarse = (rm.text("NEON", height=1, resolution=n).extrude(0.1) for n in (96, 24))
+    with pytest.raises(RaymarchError, match=r"Shadertoy file holds no textures.*smaller resolution= of text, image"):
+        rm.export(fine, tmp_path / "a.glsl", shadertoy=True)
+    rm.export(coarse, tmp_path / "a.glsl", shadertoy=True)
+
+
 def test_what_a_shader_cannot_hold_is_refused_with_its_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     textures = load(EXAMPLES / "textures.py")
     message = refused(textures, tmp_path, shadertoy=True)
