@@ -26,6 +26,10 @@ def run(
         int | None,
         typer.Option(metavar="N", help="Meshes: cells along the longest edge of the box.", show_default=str(CELLS)),
     ] = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(metavar="LENGTH", help="Meshes: as many cells as keep the mesh so near to the surface."),
+    ] = None,
     box: Annotated[
         str | None,
         typer.Option(
@@ -37,7 +41,15 @@ def run(
     found, params, corners = load(scene), parse_settings(set_ or []), parse_box(box)
     with bar("exporting", 1.0) as progress:
         made = export(
-            found, output, time=time, params=params, shadertoy=shadertoy, cells=cells, box=corners, progress=progress
+            found,
+            output,
+            time=time,
+            params=params,
+            shadertoy=shadertoy,
+            cells=cells,
+            tolerance=tolerance,
+            box=corners,
+            progress=progress,
         )
     spent = clock_time.perf_counter() - start
     errors.print(f"{output}  {output.stat().st_size / 1e3:,.0f} kB  {spent:.1f} s")

@@ -13,7 +13,7 @@ import numpy as np
 
 from raymarch.errors import SceneError
 from raymarch.expr.calls import checked
-from raymarch.expr.convert import file_path, integer, numbers, short, switch
+from raymarch.expr.convert import file_path, integer, numbers, real, short, switch
 from raymarch.files import import_optional, written
 from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.scene import Scene, as_scene
@@ -56,6 +56,7 @@ def export(
     params: Mapping[str, ParamValue] | None = None,
     shadertoy: bool = False,
     cells: int | None = None,
+    tolerance: float | None = None,
     box: tuple[Corner, Corner] | None = None,
     progress: Progress | None = None,
 ) -> Surface | None:
@@ -77,6 +78,9 @@ def export(
         scene takes several samples.
     cells : meshes only. Cells along the longest edge of the box, 2 to 2048; None is 128. The mesh is at most half the
         diagonal of a cell away from the surface, where that is thicker than a cell, and has sharp edges and corners.
+    tolerance : meshes only. Largest distance of the mesh from the surface, > 0, at up to 20,000 vertices and as many
+        middles of triangles. From `cells` on, 32 if that is None, more are tried, up to 512. None does not check. Parts
+        of the solid that are thinner than a cell may still be missing.
     box : meshes only. Corners (lower, upper), to which the solid is clipped. None is the bounds of the solid.
     progress : called with the fraction done, 0 to 1.
 
@@ -90,13 +94,15 @@ def export(
     _check_progress("export", progress)
     file = Path(file_path("export: path", path, "a file to write"))
     suffix = file.suffix.lower()
-    check_options(suffix, file, shadertoy=switch("export: shadertoy", shadertoy), cells=cells, box=box)
+    check_options(
+        suffix, file, shadertoy=switch("export: shadertoy", shadertoy), cells=cells, tolerance=tolerance, box=box
+    )
     values = set_values(scene.parameters, params, time, scene.where)
     if suffix in MESHES:
         from raymarch.export import mesh_files
 
         import_optional(f"a {suffix} file", "trimesh", "mesh")
-        made = _mesh("export", scene, values, cells, box, progress)
+        made = _mesh("export", scene, values, cells, tolerance, box, progress)
         with written(file) as unfinished:
             mesh_files.WRITERS[suffix](unfinished, made)
         return made
@@ -117,6 +123,7 @@ def triangulate(
     time: float = 0.0,
     params: Mapping[str, ParamValue] | None = None,
     cells: int | None = None,
+    tolerance: float | None = None,
     box: tuple[Corner, Corner] | None = None,
     progress: Progress | None = None,
 ) -> Surface:
@@ -130,14 +137,35 @@ def triangulate(
     """
     scene = as_scene("triangulate", scene)
     _check_progress("triangulate", progress)
-    return _mesh("triangulate", scene, set_values(scene.parameters, params, time, scene.where), cells, box, progress)
+    values = set_values(scene.parameters, params, time, scene.where)
+    return _mesh("triangulate", scene, values, cells, tolerance, box, progress)
 
 
-def _mesh(what: str, scene: Scene, values: Values, cells: Any, box: Any, progress: Progress | None) -> Surface:
+def _mesh(
+    what: str, scene: Scene, values: Values, cells: Any, tolerance: Any, box: Any, progress: Progress | None
+) -> Surface:
     from raymarch.export import surface
 
-    count = CELLS if cells is None else integer(f"{what}: cells", cells, 2, surface.LARGEST)
-    return surface.surface_of(scene, values, count, None if box is None else _corners(what, box), progress)
+    most = None if tolerance is None else real(f"{what}: tolerance", tolerance, TINY, legal="a length > 0")
+    first = CELLS if most is None else FIRST
+    count = first if cells is None else integer(f"{what}: cells", cells, 2, surface.LARGEST)
+    corners = None if box is None else _corners(what, box)
+    while True:
+        made = surface.surface_of(scene, values, count, corners, progress)
+        if most is None or made.deviation <= most:
+            return made
+        if count >= LAST:
+            raise SceneError(
+                f"{what}: the mesh of {count} cells is off the surface by up to {made.deviation:.3g}, more than the "
+                f"tolerance {most:g}",
+                legal=f"cells={2 * count}, or a larger tolerance",
+                where=scene.node.where,
+            )
+        count = min(LAST, int(np.ceil(count * np.clip(made.deviation / most, 1.25, 2.0))))
+
+
+FIRST, LAST, TINY = 32, 512, 1e-18
+"""Numbers of cells between which a mesh within a tolerance is sought; the least tolerance."""
 
 
 def _check_progress(what: str, progress: Any) -> None:
@@ -153,7 +181,7 @@ def check_options(suffix: str, file: Path, **given: Any) -> None:
 
         other = "`raymarch render` writes it; " if suffix in (*FORMATS, *NUMBERS, *FILMS) else ""
         raise SceneError(f"cannot export '{file}'", legal=f"{other}a file ending in {', '.join(SUFFIXES)}")
-    belong = {"shadertoy": GLSL, "cells": MESHES, "box": MESHES}
+    belong = {"shadertoy": GLSL, "cells": MESHES, "tolerance": MESHES, "box": MESHES}
     for name, value in given.items():
         if value is not None and value is not False and suffix not in belong[name]:
             raise SceneError(f"{name} = {short(value)} for a {suffix} file", legal=f"with {', '.join(belong[name])}")

@@ -57,8 +57,8 @@ class Surface:
     cell : length of the edge of a cell. The mesh is at most half the diagonal of a cell away from the surface, except
         for parts that are thinner than a cell. Vertices lie on sharp edges and corners.
     blocks, sampled : numbers of blocks of cells in the box, and of those that were sampled.
-    deviation : largest distance of the middles of triangles, of up to 20,000 of them, from the surface: the absolute
-        value of the field there over the length of its gradient.
+    deviation : largest distance of vertices and middles of triangles, of up to 20,000 of each, from the surface: the
+        absolute value of the field there over the length of its gradient.
     """
 
     vertices: NDArray[np.float64]
@@ -109,7 +109,7 @@ class Surface:
 
 
 CHECKED = 20_000
-"""Triangles at which the deviation of a mesh is measured."""
+"""Triangles and vertices at which the deviation of a mesh is measured."""
 
 
 def surface_of(
@@ -148,7 +148,8 @@ def surface_of(
         part = slice(i, i + BATCH)
         colors[part] = np.clip(_colors(field, vertices[part], normals[part], cell), 0.0, 1.0)
     middles = vertices[faces[:: 1 + len(faces) // CHECKED]].mean(axis=1)
-    deviation = float(np.max(np.abs(_linear(field, solid, middles, 1.0)[0])))
+    checked = np.concatenate([middles, vertices[:: 1 + len(vertices) // CHECKED]])
+    deviation = float(np.max(np.abs(_linear(field, solid, checked, 1.0)[0])))
     return Surface(vertices, normals, faces, colors, cell, count, len(blocks), deviation)
 
 

@@ -61,8 +61,8 @@ def test_measures_are_those_of_the_solid() -> None:
     assert ball.area == pytest.approx(4 * np.pi, rel=1e-3)
     np.testing.assert_allclose(ball.centroid, (5, 0, 0), atol=1e-6)
     np.testing.assert_allclose(ball.bounds, [(4, -1, -1), (6, 1, 1)], atol=0.01 * ball.cell + ball.deviation)
-    middles = ball.vertices[ball.faces].mean(axis=1) - (5, 0, 0)
-    assert ball.deviation == pytest.approx(np.abs(np.linalg.norm(middles, axis=1) - 1).max(), rel=1e-6)
+    at = np.concatenate([ball.vertices, ball.vertices[ball.faces].mean(axis=1)]) - (5, 0, 0)
+    assert ball.deviation == pytest.approx(np.abs(np.linalg.norm(at, axis=1) - 1).max(), rel=1e-6)
     angle = rm.triangulate(rm.box(2) - rm.box(2).translate((1, 1, 0)), cells=20)
     assert angle.volume == pytest.approx(6, rel=1e-3) and angle.area == pytest.approx(22, rel=1e-3)
     np.testing.assert_allclose(angle.centroid, (-1 / 6, -1 / 6, 0), atol=1e-3)
@@ -70,9 +70,24 @@ def test_measures_are_those_of_the_solid() -> None:
     assert large.volume == pytest.approx(8 * ball.volume, rel=0.01)
 
 
+def test_a_tolerance_is_kept_or_refused(tmp_path: Path) -> None:
+    ball = rm.sphere(10)
+    coarse, fine = (rm.triangulate(ball, tolerance=t) for t in (0.05, 0.005))
+    for mesh, tolerance in ((coarse, 0.05), (fine, 0.005)):
+        at = np.concatenate([mesh.vertices, mesh.vertices[mesh.faces].mean(axis=1)])
+        assert np.abs(np.linalg.norm(at, axis=1) - 10).max() <= tolerance
+    assert len(coarse.faces) < len(fine.faces) and coarse.cell > fine.cell
+    with pytest.raises(rm.SceneError, match=r"512 cells is off the surface .* the tolerance 1e-09 \(cells=1024"):
+        rm.triangulate(rm.sphere(10) & rm.box((20, 1, 1)), tolerance=1e-9, cells=512)
+    with pytest.raises(rm.SceneError, match=r"triangulate: tolerance = 0 \(a length > 0\)"):
+        rm.triangulate(ball, tolerance=0)
+    with pytest.raises(rm.SceneError, match=r"tolerance = 0.1 for a .html file"):
+        rm.export(ball, tmp_path / "a.html", tolerance=0.1)
+
+
 def test_the_command_prints_the_measures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "part.py").write_text("import raymarch as rm\nscene = rm.box(2)\n")
-    assert run("export", str(tmp_path / "part.py"), "-o", str(tmp_path / "part.stl"), "--cells", "12") == 0
+    assert run("export", str(tmp_path / "part.py"), "-o", str(tmp_path / "part.stl"), "--tolerance", "0.02") == 0
     said = capsys.readouterr().err
     assert re.search(r"triangles, off the surface by up to \S+; volume [78]\.?\d*, area 2[34]\.?\d*", said)
 
