@@ -57,8 +57,7 @@ class Surface:
     cell : length of the edge of a cell. The mesh is at most half the diagonal of a cell away from the surface, except
         for parts that are thinner than a cell. Vertices lie on sharp edges and corners.
     blocks, sampled : numbers of blocks of cells in the box, and of those that were sampled.
-    deviation : largest distance of vertices and middles of triangles, of up to 20,000 of each, from the surface: the
-        absolute value of the field there over the length of its gradient.
+    deviation : largest distance of vertices and middles of triangles, of up to 20,000 of each, from the surface.
     """
 
     vertices: NDArray[np.float64]
@@ -149,7 +148,7 @@ def surface_of(
         colors[part] = np.clip(_colors(field, vertices[part], normals[part], cell), 0.0, 1.0)
     middles = vertices[faces[:: 1 + len(faces) // CHECKED]].mean(axis=1)
     checked = np.concatenate([middles, vertices[:: 1 + len(vertices) // CHECKED]])
-    deviation = float(np.max(np.abs(_linear(field, solid, checked, 1.0)[0])))
+    deviation = float(np.max(_distances(field, solid, checked)))
     return Surface(vertices, normals, faces, colors, cell, count, len(blocks), deviation)
 
 
@@ -335,6 +334,26 @@ def _zeros(solid: _Solid, first: Array, cell: float, starts: Array, axes: Array,
 def _gradients(field: Field, solid: _Solid, points: Array) -> NDArray[np.float64]:
     """The unit gradients at some points, of the box where that clips the solid; 0 where the field has none."""
     return _linear(field, solid, points, 1.0)[1]
+
+
+SLOW = 0.7
+"""Length of a gradient below which the linear approximation is not trusted: the field may rise faster elsewhere."""
+
+STEPS = 24
+
+
+def _distances(field: Field, solid: _Solid, points: Array) -> NDArray[np.float64]:
+    """Distances of some points from the surface: the absolute value of the field over the length of its gradient. Where
+    that is short, the least of this and of the ways along the gradient, by steps as long as the value of the field."""
+    linear, directions = _linear(field, solid, points, 1.0)
+    found = np.abs(linear)
+    rows = np.flatnonzero(np.abs(solid.clipped(points)) < SLOW * found)
+    at, directions = points[rows].copy(), directions[rows]
+    for _ in range(STEPS if len(rows) else 0):
+        at -= solid.clipped(at)[:, None] * directions
+        linear, directions = _linear(field, solid, at, 1.0)
+        found[rows] = np.minimum(found[rows], np.linalg.norm(at - points[rows], axis=1) + np.abs(linear))
+    return found
 
 
 def _linear(field: Field, solid: _Solid, points: Array, cell: float) -> tuple[Array, Array]:

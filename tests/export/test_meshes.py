@@ -85,6 +85,19 @@ def test_a_tolerance_is_kept_or_refused(tmp_path: Path) -> None:
         rm.export(ball, tmp_path / "a.html", tolerance=0.1)
 
 
+def test_the_deviation_of_a_field_that_rises_slowly_in_places() -> None:
+    """Near the ends of a thread the gradient is short, and the value over its length is far more than the distance."""
+
+    def groove(p: Any) -> Any:
+        return 0.9 * abs(2 * rm.fract(p.y / 1.5 - rm.atan2(p.z, p.x) / rm.tau) - 1)
+
+    screw = rm.cylinder(radius=8, height=20).displace_by(groove, lipschitz=1.21) & rm.slab(thickness=14)
+    mesh = rm.triangulate(screw, cells=40)
+    at = np.concatenate([mesh.vertices, mesh.vertices[mesh.faces].mean(axis=1)])
+    assert mesh.deviation >= np.abs(screw.distance(at)).max(), "the field is a lower bound of the distance"
+    assert mesh.deviation < 1.5 * mesh.cell
+
+
 def test_the_command_prints_the_measures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "part.py").write_text("import raymarch as rm\nscene = rm.box(2)\n")
     assert run("export", str(tmp_path / "part.py"), "-o", str(tmp_path / "part.stl"), "--tolerance", "0.02") == 0
