@@ -92,7 +92,7 @@ def test_the_deviation_of_a_field_that_rises_slowly_in_places() -> None:
         return 0.9 * abs(2 * rm.fract(p.y / 1.5 - rm.atan2(p.z, p.x) / rm.tau) - 1)
 
     screw = rm.cylinder(radius=8, height=20).displace_by(groove, lipschitz=1.21) & rm.slab(thickness=14)
-    mesh = rm.triangulate(screw, cells=40)
+    mesh = rm.triangulate(screw, cells=64)
     at = np.concatenate([mesh.vertices, mesh.vertices[mesh.faces].mean(axis=1)])
     assert mesh.deviation >= np.abs(screw.distance(at)).max(), "the field is a lower bound of the distance"
     assert mesh.deviation < 1.5 * mesh.cell
