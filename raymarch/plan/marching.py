@@ -179,10 +179,10 @@ def clipped(scene: Scene) -> bool:
 def _choose_tracer(quality: Quality, certified: bool, refines: bool) -> tuple[str, str]:
     asked = quality.tracer
     if not certified:
+        if asked in ("auto", "bracketing") and refines and not quality.shortened:
+            return "bracketing", "the field is an estimate, so a step is at most a pixel longer than its value"
         if asked not in ("auto", "plain"):
             return "plain", f"the field is an estimate, so the longer steps of Quality(tracer={asked!r}) are not safe"
-        if asked == "auto" and refines and not quality.shortened:
-            return "bracketing", "the field is an estimate, so a step is at most a pixel longer than its value"
         return "plain", "the field is an estimate, so longer steps are not safe"
     if quality.shortened:
         return "plain", "Quality(step_scale=..., step_variation=...) shortens plain steps"

@@ -84,8 +84,8 @@ class Quality(Value):
         - "auto_relaxed": step length from an averaged slope (Bán and Valasek 2023).
         - "bracketing": as "auto_relaxed", and the empty sphere of a step that was too long is kept.
 
-        A field that is only an estimate is marched with "plain", unless `assume_certified` is set. "auto" takes
-        "bracketing" for it, with steps at most a pixel longer than its value, if it is negative inside of its solid.
+        A field that is only an estimate is marched with "plain", unless `assume_certified` is set. If it is negative
+        inside of its solid, "auto" and "bracketing" march it with "bracketing": by at most a pixel more than its value.
     max_steps : maximum number of steps of a camera ray, 1 to 60,000 (software renderers end loops at 65,535). Rays that
         leave a surface may take eight times as many: they start on it, and steps along it grow slowly.
     epsilon : the march ends where the field falls below this many pixel widths at that distance, 0.001 to 10; see

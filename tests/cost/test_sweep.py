@@ -83,7 +83,7 @@ def test_the_grid_has_the_base_first_and_no_setting_twice(scene):
 def test_what_comes_to_the_same_is_tried_once():
     estimate = rm.Scene(rm.mandelbulb())
     names = [s.name for s in grid(estimate, [Axis("tracer", ("plain", "bracketing", "relaxed"), crossed=True)])]
-    assert names == ["base", "fine", "exact"]
+    assert names == ["base", "draft", "fine", "exact", "plain"]
 
 
 def test_crossed_axes_are_combined(scene):
