@@ -12,7 +12,7 @@ import numpy as np
 
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
-from raymarch.sdf.node import has_levels
+from raymarch.sdf.levels import has_levels
 
 MODULES = {"relaxed_again": "relaxed"}
 """Tracers whose module has a different name."""

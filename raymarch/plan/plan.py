@@ -43,8 +43,9 @@ from raymarch.scene.parameter import Spec
 from raymarch.scene.post import PostEffect
 from raymarch.scene.quality import CONTACT, Quality
 from raymarch.scene.scene import Scene, all_nodes, check_scene
+from raymarch.sdf.levels import flatness
 from raymarch.sdf.lower import Lowering
-from raymarch.sdf.node import Node, flatness
+from raymarch.sdf.node import Node
 from raymarch.sdf.visibility import KINDS, hidden_from, hiding_nodes, labels_hidden_from
 
 SLOW = 10.0

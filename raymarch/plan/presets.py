@@ -9,7 +9,7 @@ import numpy as np
 from raymarch.scene.parameter import set_values
 from raymarch.scene.quality import PRESETS, PROMISED
 from raymarch.scene.scene import Scene
-from raymarch.sdf.node import has_levels
+from raymarch.sdf.levels import has_levels
 
 HEIGHT = 360
 """Height in pixels of the picture that `Meaning.length` refers to: the default of `raymarch render`."""

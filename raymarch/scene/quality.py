@@ -278,7 +278,7 @@ class Quality(Value):
     def near(self, refined: bool) -> float:
         """Field value, in pixel widths, below which a ray refines its hit.
 
-        refined : True if the surface is where the field is 0; see `raymarch.sdf.node.has_levels`.
+        refined : True if the surface is where the field is 0; see `raymarch.sdf.levels.has_levels`.
         """
         return self.epsilon if self.epsilon is not None else 0.1 if refined else 0.5
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import inspect
-import math
 from collections.abc import Callable, Mapping
-from functools import lru_cache, wraps
+from functools import wraps
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -325,42 +324,6 @@ def all_nodes(root: Node) -> list[Node]:
                 found[id(child)] = child
                 pending.append(child)
     return list(found.values())
-
-
-def flatness(root: Node) -> float:
-    """How many times as large as the field the distance to a surface may be: 1 or more.
-
-    It is the largest spread of the nodes of a tree, such as the ratio of the factors of an uneven scale. Nodes whose
-    spread is not known are left out.
-    """
-    return max((node.facts.spread for node in all_nodes(root) if math.isfinite(node.facts.spread)), default=1.0)
-
-
-def has_levels(root: Node) -> bool:
-    """True if every estimate in a tree is negative somewhere in its box, so that its surface is where it is 0.
-
-    Others, such as |z| over the growth of a Mandelbox, only fall towards their solid: what is drawn of it is the points
-    near which they are small. Judged by `PROBES` points of the box; an estimate without a box, or one in GLSL that only
-    a GPU evaluates, counts as one of those.
-    """
-    estimates = [node for node in all_nodes(root) if node.exactness == "estimate"]
-    return all(_is_negative_somewhere(n) for n in estimates if all(c.exactness != "estimate" for c in n.children))
-
-
-@lru_cache(maxsize=64)
-def _is_negative_somewhere(node: Node) -> bool:
-    lower, upper = node.bounds
-    if node.facts.empty or not (np.all(np.isfinite(lower)) and np.all(np.isfinite(upper))):
-        return False
-    points = np.random.default_rng(0).uniform(lower, upper, (PROBES, len(lower)))
-    try:
-        return bool(np.any(node.distance(points) < 0.0))
-    except SceneError:
-        return False
-
-
-PROBES = 4096
-"""Number of points at which `has_levels` evaluates an estimate."""
 
 
 def children_first(root: Node, entered: Callable[[Node], bool] = lambda _node: True) -> list[Node]:

@@ -258,6 +258,21 @@ def inside_out(world: World) -> Iterator[Figure]:
         )
 
 
+@case(92, "an isosurface that nearly reaches its level", "a solid between two others where no value reaches the level")
+def nearly_a_level(world: World) -> Iterator[Figure]:
+    """Between two lobes with steep sides a wide one stays just below the level: the field is small there. The
+    samples tell how many times as far as its value the surface is at most, which limits the value of a hit."""
+    x, y, z = np.meshgrid(*[np.linspace(-1.0, 1.0, 33)] * 3, indexing="ij")
+    wide = y * y + z * z
+    density = np.exp(-((abs(x) - 0.7) ** 2 + wide) / 0.03) + 0.099 * np.exp(-(x * x + wide) / 0.06)
+    scene = rm.Scene(rm.isosurface(density, 0.1), rm.Camera((0.3, 0.5, 4.0), (0, 0, 0), fov=30))
+    known = rm.truth(scene, (64, 48), outputs=("depth",)).hit
+    found = np.isfinite(world.draw(scene, (64, 48), outputs=("depth",)).depth)
+    assert known.sum() > 100
+    yield Figure("hits where no value reaches the level", int(np.sum(found & ~known)), 2, "silhouettes")
+    yield Figure("hits that are missed", int(np.sum(known & ~found)), 2, "silhouettes")
+
+
 @case(90, "a mesh thinner than its samples", before="an empty picture, or part of the mesh, exit code 0, no warning")
 def thinner_than_samples(world: World) -> Iterator[Figure]:
     """A wall between two samples has no sample inside. A mesh without any is refused, and one that loses more than a

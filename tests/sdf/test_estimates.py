@@ -7,7 +7,7 @@ import raymarch as rm
 from raymarch.expr.vocabulary import length
 from raymarch.plan import plan
 from raymarch.sdf.definition import REGISTRY
-from raymarch.sdf.node import has_levels
+from raymarch.sdf.levels import flatness, has_levels
 
 FAR = 7.0
 """From here on log(r) r / 2 is larger than r - 1."""
@@ -100,3 +100,15 @@ def test_estimates_with_a_level_set(node, levels):
     assert made.epsilon == (0.1 if levels else 0.5)
     assert made.marching.tracer == ("bracketing" if levels else "plain")
     assert ("ESTIMATE" in made.variants) is (node.exactness == "estimate")
+
+
+def test_samples_tell_how_flat_their_field_is():
+    z, y, x = np.meshgrid(*[np.linspace(-1.0, 1.0, 21)] * 3, indexing="ij")
+    ball = np.sqrt(x * x + y * y + z * z) - 0.6
+    node = rm.grid(ball)
+    assert 1.0 <= flatness(node) <= 2.1 * node.facts.divisor  # a distance; the path is along the axes
+    for slope in (1e-2, 1e-3):
+        plate = np.where(x > 1e-9, slope * x, x)  # the surface is at x = 0, where samples are
+        node = rm.grid(np.maximum(plate, np.max(np.abs([x, y, z]), axis=0) - 0.95).T)
+        assert flatness(node) == pytest.approx(node.facts.divisor / slope, rel=1e-5)
+        assert flatness(node.scale(3.0) | rm.sphere()) == flatness(node)
