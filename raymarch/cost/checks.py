@@ -17,6 +17,7 @@ from raymarch.scene.parameter import set_values
 from raymarch.scene.quality import LAST_STEP
 from raymarch.scene.scene import Scene
 from raymarch.truth.field import Field
+from raymarch.truth.large import field_of
 from raymarch.truth.rays import Rays
 
 ULPS = 8 * float(np.finfo(np.float32).eps)
@@ -45,7 +46,7 @@ def check(
     renderer leaves out the check of its clock."""
     found = [*([] if renderer is None else [check_clock(renderer)]), check_times(made)]
     values = set_values(scene.parameters, params, time)
-    field, pose = Field(scene, values), scene.pose(values, made.known.size[0] / made.known.size[1])
+    field, pose = field_of(scene, values), scene.pose(values, made.known.size[0] / made.known.size[1])
     full_size = [p for p in made.points if p.tracer and p.setting.scale == 1.0]  # at other scales the rays are unknown
     hits = [check_hits(p, scene, made, field, pose) for p in full_size]
     failed = [c for c in hits if not c.holds]

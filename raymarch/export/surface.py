@@ -24,6 +24,7 @@ from raymarch.scene.scene import Scene
 from raymarch.sdf.lower import lower
 from raymarch.sdf.node import Node
 from raymarch.truth.field import Field
+from raymarch.truth.large import field_of
 
 Array = NDArray[Any]
 Progress = Callable[[float], None]
@@ -126,7 +127,7 @@ def surface_of(
     shape = np.ceil((upper_corner - lower_corner) / cell - 1e-9).astype(np.int64) + 2  # one cell around the box
     first = (lower_corner + upper_corner) / 2 - cell * shape / 2
     blocks = _blocks_near_surface(solid, first, shape, cell)
-    field = Field(scene, values)
+    field = field_of(scene, values)
 
     def tangents(starts: Array, axes: Array, ends: Array) -> tuple[Array, Array]:
         found = _zeros(solid, first, cell, starts, axes, ends)

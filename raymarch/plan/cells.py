@@ -29,7 +29,7 @@ from raymarch.expr.arrays import evaluator
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.node import var
 from raymarch.expr.types import FLOAT
-from raymarch.sdf.blends import FAMILIES
+from raymarch.sdf.blends import FAMILIES, REACH
 from raymarch.sdf.rows import Rows
 
 Array: TypeAlias = NDArray[np.float64]
@@ -190,8 +190,6 @@ class _Builder:
         self.bounded = np.all(np.isfinite(lower) & np.isfinite(upper), axis=1)
         self.reach, self.lowers = 0.0, 0.0
         if self.blended:
-            from raymarch.plan.gather import REACH
-
             self.reach = REACH[rows.family] * rows.k
             self.lowers = 0.25 * rows.k * np.ceil(np.log2(max(len(rows), 2)))
             a, b, k = var("a", FLOAT), var("b", FLOAT), var("k", FLOAT)

@@ -20,6 +20,7 @@ from raymarch.expr.types import BOOL, FLOAT
 from raymarch.expr.walk import find, rebuild, topological
 from raymarch.plan.hoisting import NEVER_HOISTED
 from raymarch.scene.scene import all_nodes
+from raymarch.sdf.blends import REACH
 from raymarch.sdf.booleans import hard_union
 from raymarch.sdf.instancing import instanced
 from raymarch.sdf.labels import rows_of
@@ -42,10 +43,6 @@ FEWER_AS_DATA, FEWER_ALIKE = 4, 2
 
 FORMS = 12
 """Maximum number of forms in a blend: each is evaluated for each object that is asked."""
-
-REACH = {"": 0.0, "quadratic": 1.0, "cubic": 1.5, "quartic": 4.0 / 3.0, "circular": 0.25 / (1.0 - math.sqrt(0.5))}
-"""Difference of two distances, over k, beyond which a blend is the smaller of the two. Families that are not listed
-act at all distances."""
 
 ABOVE_OBJECTS = {
     *("labelled", "translate", "rotate_about", "mirror_across", "hard_intersection", "hard_difference", "visible")

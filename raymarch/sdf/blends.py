@@ -166,3 +166,7 @@ FAMILIES: dict[str, Callable[[int], Family]] = {
     "columns": lambda steps: Family(columns(steps), _diagonal, _half),
 }
 """All families, by the value of `blend=`; stairs and columns depend on their number."""
+
+REACH = {"quadratic": 1.0, "cubic": 1.5, "quartic": 4.0 / 3.0, "circular": 0.25 / (1.0 - ROOT_HALF)}
+"""Difference of two distances, over k, from which on a blend is the smaller of the two. Families that are not listed
+act at all distances."""

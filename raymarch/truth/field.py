@@ -21,6 +21,7 @@ from raymarch.scene.material import FIELDS
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.booleans import balanced
+from raymarch.sdf.facts import Facts
 from raymarch.sdf.lower import SCENE_INTERACTION, Lowering, material_expressions
 from raymarch.sdf.node import Node
 from raymarch.sdf.visibility import hiding_nodes
@@ -46,6 +47,9 @@ class Field:
     plane_normals : gradients of the planes, shape (k, 3); k may be 0.
     certified : False for a field whose exactness is "estimate": its values are not safe steps.
     """
+
+    rest_box: Facts | None = None
+    """A box outside of which `rest` is above 0, for a field that is asked in it only."""
 
     def __init__(self, scene: Scene, values: Values, rays: str = "camera", node: Node | None = None) -> None:
         """node : the solid in place of that of the scene, a part of it."""
@@ -132,7 +136,7 @@ class Field:
         for mark, weight in zip(marks, self._run(weigh, points, ()), strict=True):
             weights[:, materials.index(mark.data)] += np.abs(weight)
         total = weights.sum(axis=1)
-        weights[~((total > 0.0) & np.isfinite(total))] = np.eye(len(materials))[0]
+        weights[~((total > 0.0) & np.isfinite(total))] = np.arange(len(materials)) == 0
         return weights / weights.sum(axis=1, keepdims=True)
 
     @property
@@ -166,11 +170,15 @@ class Field:
     def _numbers(self, evaluate: Evaluate, points: Array) -> NDArray[np.float64]:
         values = self._run(evaluate, points, ())
         stacked: NDArray[np.float64] = np.stack(values)
-        if np.isnan(stacked).any():
-            where = points[np.isnan(stacked).any(axis=0)][0]
+        self._refuse_nan(stacked, points)
+        return stacked
+
+    def _refuse_nan(self, values: Array, points: Array) -> None:
+        """Raise SceneError if a value, (..., N), is NaN."""
+        if np.isnan(values).any():
+            where = points[np.isnan(values.reshape(-1, len(points))).any(axis=0)][0]
             node = self._node
             raise SceneError(f"the field of {node.name} is NaN at {where.tolist()}", legal="a number", where=node.where)
-        return stacked
 
     def _run(
         self, evaluate: Evaluate, points: Array, shape: tuple[int, ...], *more: Array

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from raymarch.errors import SceneError
 from raymarch.scene.parameter import ParamValue, set_values
 from raymarch.scene.scene import Scene
-from raymarch.truth.field import Field
+from raymarch.truth.large import field_of
 from raymarch.truth.rays import camera_rays
 from raymarch.truth.visibility import is_inside
 
@@ -47,7 +47,7 @@ def floor_evaluations(
     width, height = size
     values = set_values(scene.parameters, params, time)
     pose = scene.pose(values, width / height)
-    field = Field(scene, values)
+    field = field_of(scene, values)
     rays = camera_rays(pose, width, height)
     rate = rays.directions @ pose.view
     lines = rays.lines(scene.node.facts, np.minimum(scene.far(pose, values), pose.far / rate))

@@ -19,6 +19,7 @@ from raymarch.scene.scene import Scene, as_scene
 from raymarch.sdf.node import Node
 from raymarch.truth.field import Field
 from raymarch.truth.fog import sky_seen
+from raymarch.truth.large import field_of
 from raymarch.truth.light import GOLDEN_ANGLE
 from raymarch.truth.march import Roots
 from raymarch.truth.rays import Rays, camera_rays, lens_rays
@@ -228,7 +229,7 @@ def trace(
     node : the part of the scene's solid that the rays can meet; None for all. With a part, there are no colours.
     """
     far = scene.far(pose, values)
-    scene_field = Field(scene, values, node=node)
+    scene_field = field_of(scene, values, node)
     roots, sides = _first_hits_of_camera(scene, scene_field, pose, rays, far)
     surfaces = []
     residual = np.zeros(roots.t.shape)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,9 @@ def first_hits(field: Field, rays: Rays, lines: Lines, inside: bool) -> Roots:
         nothing = np.zeros(plane.shape)
         return Roots(plane, nothing.astype(np.int64), nothing)
     shorter = Lines(lines.start, np.minimum(lines.end, plane), lines.size, lines.travelled)
+    if field.rest_box is not None:
+        box = rays.lines(field.rest_box, shorter.end)
+        shorter = replace(shorter, start=np.maximum(box.start, shorter.start), end=box.end)
     roots = search(lambda rows, t: field.rest(rays.at(rows, t)), shorter)
     return Roots(np.minimum(roots.t, plane), roots.evaluations, roots.gap)
 

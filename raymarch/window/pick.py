@@ -135,7 +135,7 @@ class Inquiry:
 
 def verified(pick: Pick, scene: Scene, values: Values, origin: Vector, ray: Vector, pose: Pose) -> Pick:
     """The pick with the reference values of its ray and the shape at the hit. pose : of the clip planes."""
-    near = along_ray(scene.node, pose, origin, ray)
+    near = along_ray(scene.node, pose, origin, ray, values)
     found = trace(scene, values, pose, Rays(origin[None], ray[None]), (1, 1), pose.pixel(1), near)
     depth = float(found.depth[0, 0])
     distance = depth if np.isfinite(depth) else pick.distance

@@ -54,12 +54,12 @@ def test_a_pick_is_the_reference_of_the_whole_scene(projection: str, position: t
 def test_a_pick_asks_the_objects_near_its_ray() -> None:
     scene = rm.Scene(rm.union(*things(400)), rm.Camera((2, 3, 9), (0, 0, 0)))
     pose = scene.pose(Values({}), 1.0)
-    near = along_ray(scene.node, pose, pose.position, pose.view)
+    near = along_ray(scene.node, pose, pose.position, pose.view, Values({}))
     assert 0 < len(near.children) < 40
-    away = along_ray(scene.node, pose, pose.position, -pose.view)
+    away = along_ray(scene.node, pose, pose.position, -pose.view, Values({}))
     assert len(away.children) == 1, "a union needs an operand"
     alone = rm.sphere() & rm.box()
-    assert along_ray(alone, pose, pose.position, pose.view) is alone
+    assert along_ray(alone, pose, pose.position, pose.view, Values({})) is alone
 
 
 def test_a_pick_names_the_part_and_its_line() -> None:
