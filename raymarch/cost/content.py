@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,9 @@ from raymarch.scene.material import Material
 from raymarch.scene.parameter import Spec
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
+from raymarch.sdf.instancing import given
 from raymarch.sdf.lower import Lowering
+from raymarch.sdf.rows import Rows
 
 PACKAGES = ("expr", "sdf", "scene", "truth")
 """Packages whose code determines the reference of a scene."""
@@ -42,7 +44,7 @@ def content_key(scene: Scene, *more: Any) -> str:
     """
     content = _Content()
     content.add("code", code_key())
-    marked = Lowering().field(scene.node, label=scene.materials[0])
+    marked = Lowering(objects=_Instances()).field(scene.node, label=scene.materials[0])
     facts = scene.node.facts
     content.add("field", marked, facts.exactness, facts.lower, facts.upper)
     for name in sorted(_attributes(scene)):
@@ -54,6 +56,27 @@ def content_key(scene: Scene, *more: Any) -> str:
         content.add("footprint", scene.quality.footprint)
     content.add("more", *more)
     return content.key
+
+
+@dataclass(frozen=True, eq=False)
+class _Label:
+    """The materials of instances: those of the solid, with its marks, and those by instance."""
+
+    marked: Function
+    transforms: Any
+    materials: Any
+    expressions: tuple[Expr, ...] = ()
+
+
+class _Instances:
+    """Instances with all their materials as one part; see `raymarch.sdf.lower.Objects`."""
+
+    def distance(self, rows: Rows) -> Function:
+        return rows.field
+
+    def label(self, rows: Rows, inherited: Any) -> _Label:
+        node, transforms, materials = given(rows)
+        return _Label(Lowering(objects=self).field(node, label=inherited), transforms, materials)
 
 
 @cache

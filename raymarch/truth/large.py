@@ -225,10 +225,9 @@ class LargeField(Field):
         self._node, self._parts = parts.root, parts
         self._scene, self._values, self._rays, self._kinds = scene, values, rays, {rays: self}
         self.certified = self._node.exactness != "estimate"
-        bounded = Boxes.of(parts.solids)
-        found = np.isfinite(bounded.half).all(axis=1)
-        self._beside = [node for node, is_bounded in zip(parts.solids, found, strict=True) if not is_bounded]
-        self._solids = [node for node, is_bounded in zip(parts.solids, found, strict=True) if is_bounded]
+        bounded = np.isfinite(Boxes.of(parts.solids).half).all(axis=1).tolist()
+        self._beside = [node for node, found in zip(parts.solids, bounded, strict=True) if not found]
+        self._solids = [node for node, found in zip(parts.solids, bounded, strict=True) if found]
         self._groups: list[_Operands | _Blend] = [_Blend(node, values, rays) for node in parts.blends]
         if self._solids or parts.many:
             self._groups.insert(0, _Operands(self._solids, parts.many, values, rays))
@@ -346,8 +345,7 @@ class LargeField(Field):
                     size = len(node.params["rows"])
                     kept[node] = numbers[(numbers >= 0) & (numbers < size)]
                     numbers = numbers - size
-            node = self._parts.part(solids, kept)
-            self._known[name] = Field(self._scene, self._values, self._rays, node or self._node)
+            self._known[name] = Field(self._scene, self._values, self._rays, self._parts.part(solids, kept))
         return self._known[name]
 
 
@@ -361,7 +359,8 @@ def _of_form(form: Form) -> Asked:
 def _programs(fields: Sequence[Function]) -> tuple[list[Asked], Whole, Whole]:
     """Programs for some fields, and for each field the number of its program and its position in it."""
     groups: dict[Any, list[tuple[Function, list[Expr]]]] = {}
-    form_of, row_of, numbers = np.zeros(len(fields), np.int64), np.zeros(len(fields), np.int64), {}
+    form_of, row_of = np.zeros((2, len(fields)), np.int64)
+    numbers: dict[Any, int] = {}
     for i, field in enumerate(fields):
         form, constants = _form_of(field.body)
         group = groups.setdefault(form, [])

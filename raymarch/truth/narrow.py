@@ -88,9 +88,11 @@ class Boxes:
     @classmethod
     def of_rows(cls, rows: Rows) -> Boxes:
         """The boxes of all objects of some rows."""
-        columns = (np.concatenate([getattr(form, v) for form in rows.forms]) for v in ("lower", "upper", "spread"))
+        lower, upper, spread = (
+            np.concatenate([getattr(form, v) for form in rows.forms]) for v in ("lower", "upper", "spread")
+        )
         full = [np.full(len(form), form.exact or _is_moved(form.template)) for form in rows.forms]
-        return cls.bounding(*columns, np.concatenate(full))
+        return cls.bounding(lower, upper, spread, np.concatenate(full))
 
     def __len__(self) -> int:
         return len(self.rise)
