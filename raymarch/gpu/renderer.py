@@ -25,7 +25,7 @@ from raymarch.gpu.frame import Frame, Timing, not_rendered
 from raymarch.gpu.part import Part, prepared_part
 from raymarch.gpu.prepare import Prepared, Wanted, assembled, frame_uniforms, name_of, passes_for
 from raymarch.gpu.program import in_pass
-from raymarch.gpu.resource_cache import ResourceCache
+from raymarch.gpu.resource_cache import ResourceCache, check_compile_time
 from raymarch.gpu.tiles import WHOLE, draw_in_tiles
 from raymarch.gpu.unread import Unread, unread_of
 from raymarch.plan import Plan, lights, marched_otherwise, marching, plan
@@ -371,10 +371,16 @@ class Renderer:
         if key in self._plans:
             self._plans.move_to_end(key)
             return marched_otherwise(self._plans[key], scene.quality, size)
-        found = self._plans[key] = plan(scene, passes, size)
+        found = self._plans[key] = plan(scene, passes, size, refuse=partial(self._refuse_slow, scene))
         while len(self._plans) > PLANNED:
             self._plans.popitem(last=False)
         return found
+
+    def _refuse_slow(self, scene: Scene, seconds: float, operations: int, shapes: int) -> None:
+        """Refuse a field that takes too long to compile, before the rest is planned."""
+        driver = self.context.driver
+        if driver.is_software:
+            check_compile_time(seconds, operations, shapes, scene, driver.renderer)
 
     def _ready(self, picture: _Picture) -> tuple[Prepared, dict[str, Any]]:
         """The plan of a frame and the uniforms of all its passes."""

@@ -21,7 +21,8 @@ from raymarch.gpu.context import Context
 from raymarch.gpu.prepare import Prepared
 from raymarch.gpu.program import FULL_SCREEN, Program, in_pass
 from raymarch.gpu.targets import PingPong, Target, upload, upload_pyramid
-from raymarch.plan import Plan, light_cells
+from raymarch.plan import light_cells
+from raymarch.scene.scene import Scene
 
 KEPT = 32
 """Maximum number of data textures, and initially of programs; the least recently used one is freed first."""
@@ -48,27 +49,26 @@ LONGEST = 600.0
 """Estimated compile time in seconds above which a scene is refused; RAYMARCH_COMPILE_LIMIT overrides it."""
 
 
-def _check_compile_time(plan: Plan, renderer: str) -> None:
-    """Warn if a software renderer takes long to compile the field; PlanError above the limit."""
-    seconds = plan.compile_seconds
+def check_compile_time(seconds: float, operations: int, shapes: int, scene: Scene, renderer: str) -> str:
+    """What to warn of if a software renderer takes long to compile a field, else ""; PlanError above the limit."""
     if seconds < LONG:
-        return
+        return ""
     given = os.environ.get("RAYMARCH_COMPILE_LIMIT", "")
     try:
         limit = float(given or LONGEST)
     except ValueError:
         raise SceneError(f"RAYMARCH_COMPILE_LIMIT = {given!r}", legal="a number of seconds") from None
     what = (
-        f"the field has {plan.operations:,} operations in {plan.shapes:,} shapes: compiling takes about {seconds:.0f} s"
+        f"the field has {operations:,} operations in {shapes:,} shapes: "
+        f"compiling takes about {seconds:.0f} s on {renderer}"
     )
     cure = (
         "`repeat` and `repeat_varied` compile one copy; `grid` and `image` sample a shape once; a GPU compiles faster"
     )
-    where = plan.given.node.where or plan.given.where
     if seconds > limit:
         legal = f"up to {limit:g} s, or a higher RAYMARCH_COMPILE_LIMIT in the environment; {cure}"
-        raise PlanError(f"{what} on {renderer}", legal=legal, where=where)
-    warn(f"{what} on {renderer}; {cure}", where)
+        raise PlanError(what, legal=legal, where=scene.node.where or scene.where)
+    return f"{what}; {cure}"
 
 
 Kind = TypeVar("Kind", Target, PingPong)
@@ -120,7 +120,10 @@ class ResourceCache:
             self._programs.move_to_end(key)
             return found, 0.0
         if self.context.driver.is_software:
-            _check_compile_time(ready.plan, self.context.driver.renderer)
+            plan, scene = ready.plan, ready.plan.given
+            field = plan.compile_seconds, plan.operations, plan.shapes
+            if slow := check_compile_time(*field, scene, self.context.driver.renderer):
+                warn(slow, scene.node.where or scene.where)
         start = clock_time.perf_counter()
         program = Program(self.context, *key, ready.effects.get(chosen, ready.shader).locate, chosen)
         spent = 1e3 * (clock_time.perf_counter() - start)

@@ -6,9 +6,10 @@ contains nothing that the scene does not use. `explain` prints the reasons.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from dataclasses import field as default
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +56,8 @@ their first frame in half the time; further frames take 1.6 times as long. See d
 COSTLY = 20_000
 """Operations of costly objects together from which they become rows: cells spare as many evaluations as bounding
 volumes, in a shader with one function for each form. See docs/scale.md."""
+
+Refuse: TypeAlias = Callable[[float, int, int], None]
 
 LARGEST = 1024
 """Largest number of shapes written as code. With more, compilers take many seconds or fail."""
@@ -238,6 +241,7 @@ def plan(
     lowering: Lowering | None = None,
     standalone: bool = False,
     gathered: Gathered | None = None,
+    refuse: Refuse | None = None,
 ) -> Plan:
     """Plan a scene. Raises PlanError for clashing parameters or a field that is too large.
 
@@ -247,6 +251,8 @@ def plan(
     standalone : plan a shader that other programs can draw: it computes the values of a frame itself, and marches no
         cones.
     gathered : the objects that are rows; None to choose them.
+    refuse : called as soon as the field is known, with `Plan.compile_seconds`, `operations` and `shapes`; raises if
+        that is too much to plan the rest.
     """
     check_scene("plan", scene)
     given, view = scene, default_view(scene)
@@ -278,15 +284,7 @@ def plan(
         estimate = f"text is estimated to take {seconds:.0f} s to compile, more than {SLOW:.0f}"
         fewer = gather(*asked, why=f"{estimate}; rows share one function for each form")
         if fewer.rows:
-            return plan(given, passes, size, None, standalone, fewer)
-    at_camera = definition
-    if hidden:
-        _refuse_hidden_glass(scene, solid)
-        at_camera = hoist(lowering.for_camera().field(solid))
-    closed = analytic.choose(solid, scene.quality.analytic, hidden=bool(hidden))
-    if closed.used:
-        analytic.complete(closed, solid, definition, lowering, hoist)
-    refuse_extent(view, origin, at_camera)
+            return plan(given, passes, size, None, standalone, fewer, refuse)
     shapes = len(lowering.shapes)
     if shapes > LARGEST:
         raise PlanError(
@@ -296,8 +294,19 @@ def plan(
             + "and `repeat` makes copies of one",
             where=scene.node.where,
         )
-    lit = shading.lit(scene)
     operations = count_operations([definition.body], turns=not gathered.rows)
+    if refuse is not None:
+        refuse(seconds or _compile_seconds(definition), operations, shapes)
+    at_camera = definition
+    if hidden:
+        _refuse_hidden_glass(scene, solid)
+        at_camera = hoist(lowering.for_camera().field(solid))
+    closed = analytic.choose(solid, scene.quality.analytic, hidden=bool(hidden))
+    if closed.used:
+        analytic.complete(closed, solid, definition, lowering, hoist)
+    refuse_extent(view, origin, at_camera)
+    shapes = len(lowering.shapes)
+    lit = shading.lit(scene)
     chosen = _marching_of(scene, operations, gathered, closed, size, standalone)
     mixed = _refuse_mixed(scene, standalone)
     post = () if standalone else scene.post

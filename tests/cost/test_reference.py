@@ -205,3 +205,17 @@ def test_cameras_of_every_kind_are_measured(kind):
         sharp = scene.replace(camera=camera.replace(aperture=0.0, shutter=0.0))
         blind = flip(reference(sharp, known.size, samples=36).picture, base.color)
         assert base.errors.flip_mean < 0.6 * blind.mean(), "it is not that of the sharp picture"
+
+
+def test_instances_have_a_key_that_depends_on_their_materials() -> None:
+    """Also those that are more than the reference spells out."""
+    places = np.random.default_rng(0).uniform(-9, 9, (2500, 3))
+
+    def key(color: float, radius: float = 0.2) -> str:
+        colors = np.full((2500, 3), 0.5)
+        colors[7] = color
+        marked = rm.sphere(radius).material(rm.Material("red")) | rm.box(0.1)
+        return content_key(rm.Scene(rm.instances(marked, places, colors)))
+
+    assert key(0.5) == key(0.5)
+    assert len({key(0.5), key(0.25), key(0.5, 0.21)}) == 3

@@ -4,6 +4,7 @@ python -m tests.lab.scale                     the table of docs/scale.md
 python -m tests.lab.scale --counts 32 2048    some numbers of objects
 python -m tests.lab.scale --text 8 32 128     the same scenes with all objects as text
 python -m tests.lab.scale --blend 6000        blended objects, against brute force on crops
+python -m tests.lab.scale --reference 5000    the float64 reference
 
 Each row is measured in a process of its own, without the driver's shader cache. Times are those of the CPU. `again` is
 the build with cells from the disk.
@@ -284,6 +285,29 @@ def largest(a: Array, b: Array) -> float:
     return float(255.0 * np.abs(np.clip(a, 0.0, 1.0) - np.clip(b, 0.0, 1.0)).max())
 
 
+def traced(n: int, k: float = 0.0, size: tuple[int, int] = (64, 36)) -> dict[str, Any]:
+    """CPU seconds of the float64 reference of n objects, and the pairs of a point and an object that its depth asks."""
+    import raymarch as rm
+    from raymarch.truth.large import _Operands
+
+    made, pairs, ask = scene(n, k=k, nodes=n <= 5000), [0], _Operands.ask
+
+    def counted(operands: Any, points: Array, objects: Any) -> Any:
+        pairs[0] += len(points)
+        return ask(operands, points, objects)
+
+    start = time.process_time()
+    with mock.patch.object(_Operands, "ask", counted):
+        found = rm.truth(made, size, outputs=("depth",))
+    row = {"objects": n, "k": k, "depth s": time.process_time() - start}
+    row["objects a point"] = pairs[0] / int(found.evaluations.sum())
+    for name in ("normal", "material", "color"):
+        start = time.process_time()
+        getattr(found, name)
+        row[f"{name} s"] = time.process_time() - start
+    return row
+
+
 def show(rows: list[dict[str, Any]]) -> None:
     """Print a table in Markdown."""
     names = list(rows[0])
@@ -315,10 +339,14 @@ def main() -> None:
     parser.add_argument("--counts", type=int, nargs="*", default=list(COUNTS))
     parser.add_argument("--text", type=int, nargs="*", default=[])
     parser.add_argument("--blend", type=int)
+    parser.add_argument("--reference", type=int, nargs="*")
     parser.add_argument("--one", nargs=2, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.blend:
         show([blended(given.blend)])
+        return
+    if given.reference:
+        show([traced(n, k) for n in given.reference for k in ((0.0, 0.25) if n <= 5000 else (0.0,))])
         return
     if given.one:
         print(measure(int(given.one[0]), given.one[1]))
