@@ -110,7 +110,7 @@ def measure(file: Path, renderer: rm.Renderer) -> dict[str, Any]:
     }
 
 
-def write(image: Image.Image, file: Path, limit: int = 150_000) -> None:
+def write(image: Image.Image, file: Path, limit: int = 250_000) -> None:
     """Write a picture, with a palette if its file is over a limit in bytes. Keep a file that looks the same."""
     if file.exists() and _alike(Image.open(file), image):
         return

@@ -21,9 +21,10 @@ ball = rm.sphere(radius).material(rm.Material(color=tint, shininess=90))
 gold = rm.Material(albedo=(0.9, 0.7, 0.3), metalness=1.0, roughness=0.3)
 ring = rm.torus(1.6, 0.2).rotate(0.6, "x").material(gold)
 scene = rm.Scene(
-    ball | ring | rm.plane(offset=-1.4),
+    ball | ring | rm.plane(offset=-1.4).material(rm.Material(color=(0.25, 0.35, 0.4))),
     camera=rm.Camera(position=(3, 2.2, 6.5), target=(0, 0, 0)),
     lights=[rm.Sun(direction=(1, 2, 1.5), shadow=True), rm.PointLight(position=(-3, 2, 4), intensity=4)],
+    sky=rm.GradientSky(light=True),
 )
 """
 
