@@ -547,8 +547,8 @@ vec3 shade(Ray ray, Hit hit) { return vec3(u_side, float(hit.found), hit.t); }
 def test_a_point_is_shaded_where_it_was(
     egl: Context, facing: float, steepness: float, moved: float, gap: float
 ) -> None:
-    """A plane at z = -2, from the side of its normal and from inside. A shape that changed is found from near by, unless
-    a gap or no slope hides it."""
+    """A plane at z = -2, from the side of its normal and from inside. A shape that changed is found from near by,
+    unless a gap or no slope hides it."""
     size = (8, 6)
     text = modules("temporal/before", before=EARLIER, variants=frozenset({"OWN_START"}))
     x, y = np.meshgrid(np.arange(8) + 0.5, np.arange(6) + 0.5)
