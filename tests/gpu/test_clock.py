@@ -106,11 +106,11 @@ def test_the_test_is_lazy_quick_and_made_once(egl: Context, monkeypatch: Any) ->
     start = perf_counter()
     assert clock.verdict and clock.kind and clock.time(lambda: None) >= 0.0
     assert len(calls) == 1
-    assert perf_counter() - start < 2.0  # 0.1 s on an idle machine; the rest is for a busy one
+    assert perf_counter() - start < 10.0  # 0.1 s on an idle machine; the rest is for a busy one
 
 
 def test_the_wall_clock_waits_for_the_draw(context: Context) -> None:
-    """Times of one and of sixteen times the work: a clock that does not wait sees no difference."""
+    """Times of one and of 32 times the work: a clock that does not wait sees no difference."""
     from raymarch.gpu.program import FULL_SCREEN, Program
     from raymarch.gpu.targets import Target
 
@@ -119,7 +119,7 @@ def test_the_wall_clock_waits_for_the_draw(context: Context) -> None:
         program.draw(target, {"iterations": 1})
         light, heavy = (
             min(wall_time(context, lambda: program.draw(target, {"iterations": n})) for _ in range(3))  # noqa: B023
-            for n in (16, 256)
+            for n in (16, 512)
         )
     assert heavy > 5 * light
 
