@@ -448,7 +448,7 @@ def _inside_out(solid: Any, part: NDArray[Any], file: Path) -> NDArray[np.bool_]
     corners = solid.triangles
     each = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
     volumes = np.bincount(part, each)
-    if np.any(np.abs(volumes) <= 1e-12):
+    if np.any(np.abs(volumes) <= 1e-12 * np.bincount(part, solid.area_faces)):
         raise SceneError(f"mesh: '{file}' has a part without volume", legal="parts that have an inside")
     parts = [trimesh.Trimesh(solid.vertices, solid.faces[part == k]) for k in range(len(volumes))]
     around = [[j for j, other in enumerate(parts) if j != k and _holds(other, one)] for k, one in enumerate(parts)]

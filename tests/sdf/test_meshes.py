@@ -152,6 +152,14 @@ def test_an_empty_file_is_refused(name: str, tmp_path: Path) -> None:
         mesh(tmp_path / name, cache=tmp_path)
 
 
+def test_a_tiny_part_of_a_mesh_is_not_taken_for_a_flat_one(tmp_path: Path) -> None:
+    """Its volume is 6e-14 of that of the mesh."""
+    grain = box(np.full(3, 5e-5))
+    grain.apply_translation((0.0, 1.5, 0.0))
+    node = mesh(saved(trimesh.util.concatenate([box(), grain]), tmp_path), resolution=24, cache=tmp_path)
+    assert unlike(node, box_distance(POINTS)) == 0.0
+
+
 def test_a_good_mesh_says_nothing(tmp_path: Path) -> None:
     for solid in (box(), trimesh.creation.icosphere(2), trimesh.creation.torus(0.8, 0.2)):
         mesh(saved(solid, tmp_path), resolution=24, cache=tmp_path)
