@@ -863,23 +863,19 @@ class FunctionPrinter:
 
     def _close(self, opened: _OpenLoop, news: list[Piece], outside: dict[Expr, str]) -> None:
         """Assign all state variables, each when no other value reads its old value, and end the block."""
-        todo = {k: p for k, p in enumerate(news) if p.text != self.names[opened.state[k]]}
+        names = [self.names[state] for state in opened.state]
+        todo = {k: p for k, p in enumerate(news) if p.text != names[k]}
         while todo:
-            free = [
-                k
-                for k in todo
-                if not any(_mentions(p.text, self.names[opened.state[k]]) for j, p in todo.items() if j != k)
-            ]
-            if not free:
-                k = next(iter(todo))
-                saved = self._name("next_" + self.names[opened.state[k]])
-                declared = self.text.dialect.declare(opened.state[k].type, saved)
-                self._statement(declared, todo[k], ";", opened.step[k])
-                todo[k] = Piece(saved, ATOM, 0)
+            others = {k: [p.text for j, p in todo.items() if j != k] for k in todo}
+            free = next((k for k in todo if not any(_mentions(text, names[k]) for text in others[k])), None)
+            if free is not None:
+                self._statement(f"{names[free]} = ", todo.pop(free), ";", opened.step[free])
                 continue
-            for k in free:
-                self._statement(f"{self.names[opened.state[k]]} = ", todo.pop(k), ";", opened.step[k])
-                break
+            k = next(iter(todo))
+            saved = self._name(f"next_{names[k]}")
+            declared = self.text.dialect.declare(opened.state[k].type, saved)
+            self._statement(declared, todo[k], ";", opened.step[k])
+            todo[k] = Piece(saved, ATOM, 0)
         self.names = outside
         self.indent -= 1
         self.lines.append(Line("    " * self.indent + "}", None))

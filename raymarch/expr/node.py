@@ -311,11 +311,9 @@ def _numeric(value: Any) -> NDArray[Any] | None:
     """Convert to an array. None for strings, ragged sequences, and integers that exceed float64."""
     try:
         array = np.asarray(value)
-        return (
-            np.asarray(value, np.float64)
-            if array.dtype.kind == "O" and isinstance(value, int)
-            else (array if array.dtype.kind in "biuf" and array.ndim <= 2 else None)
-        )
+        if array.dtype.kind == "O" and isinstance(value, int):
+            return np.asarray(value, np.float64)
+        return array if array.dtype.kind in "biuf" and array.ndim <= 2 else None
     except (TypeError, ValueError, OverflowError, SceneError):
         return None
 

@@ -447,20 +447,12 @@ def _describe_effects(made: Plan) -> None:
         made.features.append(Feature(name, used, yes if used else no))
 
     made.features += shading.features(scene)
-    feature(
-        "ray clipping",
-        marching.clipped(scene),
-        "the scene's box is bounded on some side",
-        "the scene is unbounded on all sides",
-    )
+    why = "the scene's box is bounded on some side"
+    feature("ray clipping", marching.clipped(scene), why, "the scene is unbounded on all sides")
     animated = bool(find(scene.expressions(), "time"))
     feature("time", animated, "the scene reads time", "nothing reads time")
-    feature(
-        "parameters",
-        bool(made.parameters),
-        f"{len(made.parameters)} uniform{'s' * (len(made.parameters) != 1)}",
-        "no Param is used",
-    )
+    uniforms = f"{len(made.parameters)} uniform{'s' * (len(made.parameters) != 1)}"
+    feature("parameters", bool(made.parameters), uniforms, "no Param is used")
     geometry = any(p.name == "geometry" for p in made.passes)
     effects = [p.effect for p in made.passes if p.effect is not None]
     for kind in {kind.__name__: kind for kind in PostEffect.__subclasses__()}.values():
@@ -484,10 +476,8 @@ def _describe_effects(made: Plan) -> None:
         halved = f"{shown}, halved up to {cells.depth} times" if cells.depth else shown
         feature("cells", True, f"{halved}; {mean} objects a cell on average", "")
     moved = bool(np.any(made.origin))
-    place = ", ".join(f"{v:.8g}" for v in made.origin)
-    feature(
-        "camera-relative", moved, f"coordinates are relative to ({place})", "coordinates are small enough for float32"
-    )
+    why = f"coordinates are relative to ({', '.join(f'{v:.8g}' for v in made.origin)})"
+    feature("camera-relative", moved, why, "coordinates are small enough for float32")
     kinds = " and ".join(made.hidden)
     why = "no part is hidden by visible"
     feature("visibility by rays", bool(made.hidden), f"parts are hidden from {kinds} rays", why)
