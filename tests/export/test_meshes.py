@@ -89,9 +89,9 @@ def test_the_deviation_of_a_field_that_rises_slowly_in_places() -> None:
     """Near the ends of a thread the gradient is short, and the value over its length is far more than the distance."""
 
     def groove(p: Any) -> Any:
-        return 0.9 * abs(2 * rm.fract(p.y / 1.5 - rm.atan2(p.z, p.x) / rm.tau) - 1)
+        return 0.9 * abs(2 * rm.fract(p.y / 1.5 - rm.atan2(p.z, p.x) / rm.tau) - 1) - 0.45
 
-    screw = rm.cylinder(radius=8, height=20).displace_by(groove, lipschitz=1.21) & rm.slab(thickness=14)
+    screw = rm.cylinder(radius=7.55, height=14).displace_by(groove, lipschitz=1.21) & rm.slab(thickness=14)
     mesh = rm.triangulate(screw, cells=64)
     at = np.concatenate([mesh.vertices, mesh.vertices[mesh.faces].mean(axis=1)])
     assert mesh.deviation >= np.abs(screw.distance(at)).max(), "the field is a lower bound of the distance"
