@@ -15,7 +15,7 @@ from raymarch.expr.color_maps import MAPS, SHARE, encoded, interpolated
 from raymarch.expr.colors import linear_color
 from raymarch.expr.convert import numbers, short
 from raymarch.expr.maths import of_vectors
-from raymarch.expr.node import Expr
+from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
 from raymarch.expr.srgb import srgb_to_linear
 from raymarch.expr.types import VEC3
@@ -47,7 +47,9 @@ def sampled(
     middle = as_vec3("sampled: centre", centre)
 
     def value(p: Expr) -> Expr:
-        return sample(data, ((p - middle) / whole + 0.5) * cells)
+        if (at := expr(p)).type is not VEC3:
+            raise SceneError(f"sampled at a {at.type}", legal="points (x, y, z)")
+        return sample(data, ((at - middle) / whole + 0.5) * cells)
 
     return of_vectors(value, "sampled")
 

@@ -66,6 +66,7 @@ WRONG: dict[str, tuple[Any, str]] = {
     "two axes": (lambda: rm.sampled(np.ones((3, 3))), r"sampled: values of shape \(3, 3\) \(\(nx, ny, nz\)\)"),
     "not finite": (lambda: rm.sampled(np.full((2, 2, 2), np.nan)), "8 of 8 values are not finite"),
     "no size": (lambda: rm.sampled(X, size=0), "sampled: size = 0 "),
+    "at a flat point": (lambda: rm.sampled(X)((1, 2)), r"sampled at a vec2 \(points"),
     "no map": (lambda: rm.colormap(0.5, "jet"), r"colors = 'jet' \('viridis', 'inferno', 'coolwarm', or two or more"),
     "one colour": (lambda: rm.colormap(0.5, ["red"]), "two or more colours"),
     "no range": (lambda: rm.colormap(0.5, low=1), "low = high = 1 "),
