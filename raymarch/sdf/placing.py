@@ -18,6 +18,7 @@ from raymarch.sdf.definition import Child, ChildFacts, operator
 from raymarch.sdf.domain import Angle, Direction, Matrix3, Positive, Scalar, Size3, Vec3, Vector, as_operand
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.node import Node, method, solid
+from raymarch.sdf.solids import box
 
 AXES: Mapping[str, tuple[float, float, float]] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
@@ -225,14 +226,15 @@ def scale_axes(p: Expr, child: Child, factors: Size3) -> Expr:
 def scale(node: Node, factor: Scalar | Vector) -> Node:
     """Scale about the origin.
 
-    factor : one number > 0, which keeps exactness, or one for each axis, which gives a bound.
+    factor : one number > 0, which keeps exactness, or one for each axis, which gives a bound. A box stays a box.
     """
     value = as_operand("scale: factor", factor, "a number > 0, or one for each axis")
     if value.type is FLOAT:
         return scale_evenly(node, cast(Scalar, factor))
     if value.is_constant and value.type.is_vector and np.all(value.data == value.data[0]):
         return scale_evenly(node, float(value.data[0]))
-    return scale_axes(node, factor)
+    scaled = scale_axes(node, factor)
+    return box(node.params["size"] * scaled.params["factors"]) if node.definition is box.definition else scaled
 
 
 @operator(

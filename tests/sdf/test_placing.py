@@ -10,7 +10,7 @@ import pyrr
 import pytest
 from scipy.spatial.transform import Rotation
 
-from raymarch.scene.parameter import time
+from raymarch.scene.parameter import Param, time
 from raymarch.sdf import Node, box, capsule, circle, mirror, plane, rotate, scale, sphere, transform, translate
 from tests.support.refusals import refused
 
@@ -99,6 +99,15 @@ def test_scaling_evenly_keeps_exactness(factor: float) -> None:
 def test_three_equal_factors_are_one() -> None:
     assert BRICK.scale((2, 2, 2)).glsl() == BRICK.scale(2.0).glsl()
     assert BRICK.scale(np.array([2.0, 2.0, 2.0])).exactness == "exact"
+
+
+def test_a_box_scaled_unevenly_is_a_box() -> None:
+    plate = box((2.0, 4.0, 3.0)).scale((1, 0.5, 1e-4))
+    assert (plate.exactness, plate.facts.spread) == ("exact", 1.0)
+    points = np.random.default_rng(2).uniform(-2, 2, (50, 3))
+    np.testing.assert_allclose(plate.distance(points), box((2.0, 2.0, 3e-4)).distance(points), atol=1e-15)
+    thin = box().scale((1, Param("thin", 0.1, 0.01, 1.0), 1))
+    assert thin.exactness == "exact" and thin.distance((0, 0.25, 0)) == pytest.approx(0.2)
 
 
 def test_scaling_unevenly_gives_a_bound() -> None:
