@@ -234,7 +234,9 @@ def scale(node: Node, factor: Scalar | Vector) -> Node:
     if value.is_constant and value.type.is_vector and np.all(value.data == value.data[0]):
         return scale_evenly(node, float(value.data[0]))
     scaled = scale_axes(node, factor)
-    return box(node.params["size"] * scaled.params["factors"]) if node.definition is box.definition else scaled
+    if node.definition is box.definition:  # type: ignore[attr-defined]
+        return box(node.params["size"] * scaled.params["factors"])
+    return scaled
 
 
 @operator(
