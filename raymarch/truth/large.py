@@ -225,7 +225,7 @@ class LargeField(Field):
         self._node, self._parts = parts.root, parts
         self._scene, self._values, self._rays, self._kinds = scene, values, rays, {rays: self}
         self.certified = self._node.exactness != "estimate"
-        bounded = [bool(np.isfinite(half).all()) for half in Boxes.of(parts.solids).half]
+        bounded = np.asarray(np.isfinite(Boxes.of(parts.solids).half).all(axis=1))
         self._beside = [node for node, found in zip(parts.solids, bounded, strict=True) if not found]
         self._solids = [node for node, found in zip(parts.solids, bounded, strict=True) if found]
         self._groups: list[_Operands | _Blend] = [_Blend(node, values, rays) for node in parts.blends]

@@ -51,7 +51,8 @@ def scene_of(node: rm.Node, seed: int) -> rm.Scene:
     if seed % 3 == 1:
         node = rm.union(node, *(_solvable(random, centre, reach) for _ in range(1 + seed % 4)))
     closed, boxes = (None, True, False)[seed % 7 % 3], (None, True, False)[seed % 5 % 3]
-    quality = rm.Quality(max_steps=4096, analytic=closed, bounding_volumes=boxes)
+    objects = ("auto", "data", "text")[seed % 11 % 3]
+    quality = rm.Quality(max_steps=4096, analytic=closed, bounding_volumes=boxes, objects=objects)
     return rm.Scene(node, rm.Camera(tuple(eye), tuple(centre), fov=52.0), lights, quality=quality)
 
 

@@ -341,6 +341,8 @@ class Draw:
             made["objects"] = "data"
         if self.chance(0.2):
             made["bounding_volumes"] = True
+        if self.chance(0.2):
+            made["analytic"] = self.one(True, False)
         return made
 
     def occluder(self, light: dict[str, Any]) -> Tree | None:
