@@ -249,6 +249,11 @@ def test_a_second_ray_out_of_steps_meets_what_it_falls_towards(egl: Context) -> 
     assert not found and evaluations == 64
 
 
+def test_a_second_ray_that_starts_deep_in_a_solid_meets_it_at_its_start(egl: Context) -> None:
+    found, t, _ = met(egl, "p.z - 3.0", 0.01, (0.0, 10.0), 1.0)
+    assert found and t == np.float32(0.01)
+
+
 def second_evaluations(slope: float, far: float) -> int:
     """How often a ray asks a plane that it leaves: the slope that it expects is -0.7 at first."""
     t, r, expected, count = 0.01, 0.0, -0.7, 0

@@ -265,3 +265,32 @@ def test_an_orbit_begins_where_the_camera_is(egl: Context) -> None:
     found = run(egl, text, "placed({0}, {1})", inputs, 3, uniforms)
     off = np.linalg.norm(found - away, axis=1) / np.linalg.norm(away, axis=1)
     assert np.max(off) < 2e-3  # asin is the driver's own
+
+
+@pytest.mark.parametrize("samples", [0, 3])
+def test_a_picture_is_black_where_no_light_is_finite_and_never_below_or_above_its_range(
+    egl: Context, samples: int
+) -> None:
+    """Its tone curve gets nothing negative, and nothing that is infinite."""
+    before = f"""
+        struct Ray {{ vec3 origin; vec3 direction; }};
+        struct Hit {{ bool found; }};
+        const int picture_samples = {samples};
+        vec3 light;
+        void begin_sample(int i) {{}}
+        vec2 sample_offset(int i) {{ return vec2(0.0); }}
+        Ray camera_ray(vec2 pixel) {{ return Ray(vec3(0.0), vec3(0.0)); }}
+        Hit trace(Ray ray) {{ return Hit(true); }}
+        vec3 shade(Ray ray, Hit hit) {{ return light; }}
+        vec3 toned(vec3 c) {{ return 2.0 * c / (1.0 + c); }}
+        float linear_to_srgb(float c) {{ return c; }}
+    """
+    after = "vec3 shown(vec3 x) { light = x; return picture(vec2(0.0)); }"
+    variants = frozenset({"SAMPLES"} if samples else ())
+    text = modules("temporal/finite", "view/picture", before=before, after=after, variants=variants)
+    light = np.array(
+        [(1 / 3, 3.0, 0.0), (-2.0, -1.0, -0.5), (np.inf, 1.0, 1.0), (1.0, np.nan, 1.0), (0.0, -np.inf, 0.0)]
+    )
+    known = np.zeros((5, 3))
+    known[0] = (0.5, 1.0, 0.0)
+    np.testing.assert_allclose(run(egl, text, "shown({0})", [(VEC3, light)], 3), known, rtol=8 * ULP)
