@@ -200,12 +200,12 @@ vec2 scene_box(Ray ray, vec2 range) { return vec2(max(range.x, u_ends.x), min(ra
 
 
 def met(egl: Context, body: str, start: float, ends: tuple[float, float], side: float) -> list[float]:
-    """Whether something is met along z, where, and the evaluations."""
+    """Whether something is met along z, where, and the evaluations. No residual is negative."""
     after = f"""
         float field(vec3 p) {{ return {body}; }}
-        vec3 met(float start) {{
+        vec4 met(float start) {{
             Hit hit = trace_secondary(Ray(vec3(0.0), vec3(0.0, 0.0, 1.0)), start, 1.0, {side});
-            return vec3(hit.found ? 1.0 : 0.0, hit.t, hit.evaluations);
+            return vec4(hit.found ? 1.0 : 0.0, hit.t, hit.evaluations, hit.residual);
         }}"""
     declared = "float field(vec3 p);\n"
     text = modules(
@@ -223,7 +223,9 @@ def met(egl: Context, body: str, start: float, ends: tuple[float, float], side: 
         after=after,
     )
     uniforms = {"u_pixel": 1e-4, "u_ends": ends, "u_side": 1.0}
-    return [float(x) for x in run(egl, text, "met({0})", [(FLOAT, [start])], 3, uniforms)[0]]
+    *found, residual = (float(x) for x in run(egl, text, "met({0})", [(FLOAT, [start])], 4, uniforms)[0])
+    assert residual >= 0
+    return found
 
 
 def test_a_second_ray_meets_what_is_in_the_box(egl: Context) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from raymarch import glsl
 from tests.hard.world import World
-from tests.lab import glsl_faults
+from tests.lab import glsl_faults, python_faults
 from tests.lab.seeded import reads, replace_code, tree_of
 from tests.lab.soak import soak
 from tests.lab.watertight import Count, shoot
@@ -48,3 +48,14 @@ def test_a_function_gets_the_code_of_another_tree() -> None:
 
 def to_spoil() -> int:
     return 41
+
+
+def test_nearly_all_faults_of_the_ledgers_are_noticed() -> None:
+    """If this fails after an edit of GLSL: python -m tests.lab.glsl_faults asks about the lines that are new."""
+    known = glsl_faults.ledger()
+    names = {fault.name for fault in glsl_faults.every([])}
+    assert len(names & set(known["noticed"])) >= 0.5 * len(names)
+    assert set(known["none"]) <= set(known["noticed"])
+    for ledger, share in ((known, 0.95), (python_faults.ledger(), 0.99)):
+        noticed, _, missed = glsl_faults.counts(ledger)
+        assert noticed >= share * (noticed + missed)

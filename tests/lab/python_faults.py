@@ -1,6 +1,6 @@
 """Seeds faults into the Python functions that plan and assemble shaders, and counts how many the tests notice.
 
-python -m tests.lab.python_faults              # 40 of them, always the same ones
+python -m tests.lab.python_faults              # 40 of them, as the ledger has them
 python -m tests.lab.python_faults --missed     # those of the ledger that nothing noticed, anew
 python -m tests.lab.python_faults --uses FILE  # as of tests.lab.glsl_faults
 
@@ -15,12 +15,11 @@ import ast
 import importlib
 import json
 import sys
+import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from tests.lab.glsl_faults import UNNOTICED, counts
 from tests.lab.long_runs import keep
@@ -148,10 +147,11 @@ def seeded(fault: Fault) -> None:
 
 
 def drawn() -> list[Fault]:
-    """Some of all faults, always the same ones."""
-    found = [fault for folder in PACKAGES for module in modules_of(folder) for fault in faults_of(module)]
-    chosen = np.random.default_rng(40).permutation(len(found))[:COUNT]
-    return [found[k] for k in sorted(chosen)]
+    """Those of the ledger that can still be seeded, and others in an order that edits elsewhere do not change."""
+    found = {fault.name: fault for folder in PACKAGES for name in modules_of(folder) for fault in faults_of(name)}
+    kept = [name for name in ledger()["noticed"] if name in found]
+    others = sorted(set(found) - set(kept), key=lambda name: zlib.crc32(name.encode()))
+    return [found[name] for name in [*kept, *others][:COUNT]]
 
 
 def ledger() -> dict[str, Any]:
