@@ -117,7 +117,7 @@ def test_hello_needs_few_evaluations():
 
 @pytest.mark.parametrize("name", ESTIMATES)
 def test_a_ray_on_an_estimate_ends_near_its_surface(name, renderer):
-    """Where the field, in float64, is below the half pixel that `Quality.near` promises, up to rounding."""
+    """Where the field, in float64, is far below a pixel: in front of a fractal its detail casts no shadows."""
     scene = load(FOLDER / f"{name}.py")
     frame = renderer.render(scene, outputs=("depth",))
     known = expected(name)
@@ -126,7 +126,7 @@ def test_a_ray_on_an_estimate_ends_near_its_surface(name, renderer):
     field = scene.node.distance(points.reshape(-1, 3)).reshape(frame.depth.shape)
     pixels = field / (frame.depth * scene.pose(set_values(scene.parameters, {}, 0.0)).pixel(size_of(name)[1]))
     assert pixels.max() <= 0.5 * 1.01
-    assert np.median(pixels) > 0.05  # not at any price
+    assert np.median(np.abs(pixels)) <= 0.1 / 16.0
 
 
 @pytest.mark.parametrize("name", CAMERAS)
