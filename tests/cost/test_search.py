@@ -104,8 +104,6 @@ def test_a_time_is_read():
 @pytest.mark.parametrize(
     ("use", "what"),
     [
-        (rm.probe, "probe"),
-        (rm.truth, "truth"),
         (lambda given: for_error(given, "1px"), "for_error"),
         (lambda given: rm.Quality.for_time(given, "1ms"), "for_time"),
     ],

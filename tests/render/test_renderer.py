@@ -489,9 +489,9 @@ def test_egl_and_osmesa_draw_alike(renderer: Renderer) -> None:
 def test_a_renderer_plans_the_functions_of_a_scene_once(monkeypatch):
     calls = []
 
-    def counted(*args):
+    def counted(*args, **named):
         calls.append(args)
-        return plan(*args)
+        return plan(*args, **named)
 
     monkeypatch.setattr("raymarch.gpu.renderer.plan", counted)
     scene = rm.Scene(rm.union(rm.box(), rm.sphere(), k=0.1))
