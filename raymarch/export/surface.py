@@ -49,7 +49,7 @@ LARGEST = 2048
 """Maximum number of cells along the longest edge."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Surface:
     """A closed triangle mesh.
 
@@ -69,6 +69,9 @@ class Surface:
     blocks: int
     sampled: int
     deviation: float
+
+    def __repr__(self) -> str:
+        return f"<mesh: {len(self.faces):,} triangles, off the surface by up to {self.deviation:.2g}>"
 
     @property
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import field, fields
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -334,9 +334,11 @@ def check_scene(what: str, given: object) -> None:
 
 def as_scene(what: str, given: object) -> Scene:
     """A Scene, or the default scene of a solid; SceneError for anything else. `what` names the operation."""
-    made = scene_of(given) if isinstance(given, Node) else given
-    check_scene(what, made)
-    return cast(Scene, made)
+    if isinstance(given, Node):
+        return scene_of(given)
+    if not isinstance(given, Scene):
+        raise SceneError(f"{what} of {described(given)}", legal="a Scene or a solid")
+    return given
 
 
 def _several(name: str, values: Any, kind: Any, legal: str, example: str) -> tuple[Any, ...]:

@@ -77,6 +77,7 @@ def test_a_tolerance_is_kept_or_refused(tmp_path: Path) -> None:
         at = np.concatenate([mesh.vertices, mesh.vertices[mesh.faces].mean(axis=1)])
         assert np.abs(np.linalg.norm(at, axis=1) - 10).max() <= tolerance
     assert len(coarse.faces) < len(fine.faces) and coarse.cell > fine.cell
+    assert repr(coarse) == f"<mesh: {len(coarse.faces):,} triangles, off the surface by up to {coarse.deviation:.2g}>"
     with pytest.raises(rm.SceneError, match=r"512 cells is off the surface .* the tolerance 1e-09 \(cells=1024"):
         rm.triangulate(rm.sphere(10) & rm.box((20, 1, 1)), tolerance=1e-9, cells=512)
     with pytest.raises(rm.SceneError, match=r"triangulate: tolerance = 0 \(a length > 0\)"):
