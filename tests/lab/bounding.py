@@ -3,8 +3,8 @@
 python -m tests.lab.bounding [NAME...] [--size 320x180] [--frames 5]
 
 Evaluations are counted in the shader, in the functions of the operands with boxes: by camera rays, shadow rays and
-gradients. Frames are drawn in the calling thread (LP_NUM_THREADS=0), so the CPU time of the process is that of the
-frames.
+gradients. Objects are text: rows have cells in place of boxes. Frames are drawn in the calling thread
+(LP_NUM_THREADS=0), so the CPU time of the process is that of the frames.
 """
 
 from __future__ import annotations
@@ -83,7 +83,9 @@ def counted(everywhere: bool) -> Iterator[None]:
         lines = text(self, *args, **named)
         lines = re.sub(r"(?m)^((?:float|vec4) costly_\w+\(vec3 p\) \{)$", r"\1 costly_count += 1.0;", lines)
         lines = re.sub(r"(?m)^(#version .*\n(?:#define .*\n)*)", r"\1float costly_count = 0.0;\n", lines, count=1)
-        return lines.replace("hit), 1.0);", "hit), 1.0);\n    out_color = vec4(costly_count);")
+        last = "hit.done ? 1.0 : 0.0);"
+        assert last in lines, "the color pass ends in another line"
+        return lines.replace(last, f"{last}\n    out_color = vec4(costly_count);")
 
     with (
         mock.patch.object(Shader, "text", changed),
@@ -96,7 +98,7 @@ def counted(everywhere: bool) -> Iterator[None]:
 def evaluations(scene: rm.Scene, size: tuple[int, int], choice: bool | None, everywhere: bool) -> np.ndarray:
     """Evaluations of costly solids in each pixel."""
     with counted(everywhere), rm.Renderer(size) as renderer:
-        made = scene.replace(quality=scene.quality.replace(bounding_volumes=choice, samples=1))
+        made = scene.replace(quality=scene.quality.replace(bounding_volumes=choice, objects="text", samples=1))
         return renderer.render(made).color[..., 0]
 
 
@@ -107,7 +109,8 @@ def compare(scene: rm.Scene, size: tuple[int, int], frames: int) -> dict[str, li
     found: dict[str, list[float]] = {}
     pictures = {}
     with rm.Renderer(size) as renderer:
-        scenes = {n: scene.replace(quality=scene.quality.replace(bounding_volumes=c)) for n, c in choices.items()}
+        text = scene.quality.replace(objects="text")
+        scenes = {n: scene.replace(quality=text.replace(bounding_volumes=c)) for n, c in choices.items()}
         for name, made in scenes.items():
             begin = time.process_time()
             frame = renderer.render(made)
