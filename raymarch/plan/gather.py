@@ -22,6 +22,7 @@ from raymarch.plan.hoisting import NEVER_HOISTED
 from raymarch.scene.scene import all_nodes
 from raymarch.sdf.blends import REACH
 from raymarch.sdf.booleans import hard_union
+from raymarch.sdf.definition import definition_of
 from raymarch.sdf.instancing import instanced
 from raymarch.sdf.labels import rows_of
 from raymarch.sdf.lower import Lowering
@@ -133,7 +134,7 @@ class _Gatherer:
         if name == "labelled" and node.children[0].labelled and not self._is_constant(node.label):
             # Some objects have materials of their own, the others inherit one that is no row of numbers.
             child = node.children[0]
-            if child.definition is hard_union.definition:  # type: ignore[attr-defined]
+            if child.definition is definition_of(hard_union):
                 return self._union(child, exact, depth, node)
             if not any(rows_of(each) is not None for each in all_nodes(child)):
                 return node
@@ -201,7 +202,7 @@ class _Gatherer:
         return replaced(node, tuple(children))
 
     def _labelled(self, node: Node, label: Any) -> Node:
-        made = Node(labelled.definition, (node,), {}, node.facts, label)  # type: ignore[attr-defined]
+        made = Node(definition_of(labelled), (node,), {}, node.facts, label)
         self.kept.append(made)
         return at_line_of(node, made)
 
@@ -416,7 +417,7 @@ def _moving(template: Node, members: Sequence[Node]) -> Moving:
     """Where the objects of a form are, from the boxes of their parts that are moved and scaled."""
     *chain, _ = _inner(template)
     inside = Slot(-1)
-    made = Node(labelled.definition, (sphere(),), {}, sphere().facts, inside)  # type: ignore[attr-defined]
+    made = Node(definition_of(labelled), (sphere(),), {}, sphere().facts, inside)
     for node in reversed(chain):
         if node.label is None:
             made = Node(node.definition, (made,), node.params, node.facts)

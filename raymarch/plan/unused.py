@@ -18,6 +18,7 @@ from raymarch.scene.material import SMOOTH, Material
 from raymarch.scene.parameter import is_zero
 from raymarch.scene.scene import Scene
 from raymarch.sdf.booleans import hard_union
+from raymarch.sdf.definition import definition_of
 from raymarch.sdf.labels import flattened, seen_labels
 from raymarch.sdf.node import Node
 
@@ -120,7 +121,7 @@ def _unions(root: Node) -> Iterator[list[tuple[Node, Any]]]:
         if each in visited:
             continue
         visited.add(each)
-        union = node.definition is hard_union.definition  # type: ignore[attr-defined]
+        union = node.definition is definition_of(hard_union)
         inherited = label if node.label is None else node.label
         children = [(child, inherited) for child in (flattened(node) if union else node.children)]
         if union:

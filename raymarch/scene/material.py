@@ -66,7 +66,7 @@ def once(function: Callable[[Material], T]) -> T:
         result: T = known[name]
         return result
 
-    return property(get, doc=function.__doc__)  # type: ignore[return-value]
+    return property(get, doc=function.__doc__)  # type: ignore[return-value]  # typed as its value
 
 
 @value

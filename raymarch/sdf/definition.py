@@ -213,7 +213,7 @@ class Definition:
     def _derive(self, members: Sequence[tuple[Sequence[Facts], Mapping[str, Any]]]) -> list[Facts]:
         """Facts of some nodes at once, each from the facts of its children and its parameters.
 
-        They have equally many children, equal static parameters, and constants in the same places.
+        They have equally many children and equal static parameters.
         """
         first, params = members[0]
         program, declared = self._facts_of(len(first), params)
@@ -298,8 +298,7 @@ def derive_facts(root: Node) -> None:
     groups: dict[tuple[Any, ...], list[Node]] = {}
     for node in missing:
         level = height[id(node)] = 1 + max((height.get(id(child), 0) for child in node.children), default=0)
-        constant = tuple(value.is_constant for value in node.params.values() if isinstance(value, Expr))
-        key = (level, node.definition, len(node.children), node.definition.statics(node.params), constant)
+        key = (level, node.definition, len(node.children), node.definition.statics(node.params))
         groups.setdefault(key, []).append(node)
     for key in sorted(groups, key=itemgetter(0)):
         nodes = groups[key]
@@ -314,6 +313,12 @@ def _stacked(intervals: Sequence[Interval]) -> Interval:
     if all(interval[0] is interval[1] for interval in intervals):
         return low, low
     return low, np.array([interval[1] for interval in intervals])
+
+
+def definition_of(function: Callable[..., Any]) -> Definition:
+    """The definition of a function that `@shape` or `@operator` gave to the user."""
+    found: Definition = function.definition  # type: ignore[attr-defined]  # typed as the function that was decorated
+    return found
 
 
 def _value(rule: Any, children: Sequence[Any], params: Mapping[str, Any]) -> Any:

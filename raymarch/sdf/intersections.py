@@ -16,7 +16,7 @@ from raymarch.expr.function import Function, function
 from raymarch.expr.node import Expr, Operand
 from raymarch.expr.types import FLOAT, VEC2, VEC3
 from raymarch.expr.vocabulary import abs, dot, length, max, min, sqrt, transpose, vec2, where
-from raymarch.sdf.definition import Definition
+from raymarch.sdf.definition import Definition, definition_of
 from raymarch.sdf.facts import FARTHEST
 from raymarch.sdf.node import Node
 from raymarch.sdf.placing import affine, rotate_about, rotation_matrix, scale_evenly, translate
@@ -238,14 +238,14 @@ def _mapped(o: Expr, d: Expr, params: Mapping[str, Expr]) -> _Moved:
 
 
 _PLACED: dict[Definition, Callable[[Expr, Expr, Mapping[str, Expr]], _Moved]] = {
-    translate.definition: lambda o, d, params: (o - params["offset"], d, None),  # type: ignore[attr-defined]
-    rotate_about.definition: _rotated,  # type: ignore[attr-defined]
-    scale_evenly.definition: lambda o, d, params: (o / params["factor"], d, params["factor"]),  # type: ignore[attr-defined]
-    affine.definition: _mapped,  # type: ignore[attr-defined]
-    visible.definition: lambda o, d, _params: (o, d, None),  # type: ignore[attr-defined]
+    definition_of(translate): lambda o, d, params: (o - params["offset"], d, None),
+    definition_of(rotate_about): _rotated,
+    definition_of(scale_evenly): lambda o, d, params: (o / params["factor"], d, params["factor"]),
+    definition_of(affine): _mapped,
+    definition_of(visible): lambda o, d, _params: (o, d, None),
 }
 
-_AFFINE = affine.definition  # type: ignore[attr-defined]
+_AFFINE = definition_of(affine)
 
 
 def _keeps_shapes(node: Node) -> bool:

@@ -14,7 +14,7 @@ from raymarch.expr.convert import described, holdable, numbers, plain, short
 from raymarch.expr.node import Expr, const
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import abs, columns, cos, cross, dot, length, max, min, sin, transpose, vec2, vec3, where
-from raymarch.sdf.definition import Child, ChildFacts, operator
+from raymarch.sdf.definition import Child, ChildFacts, definition_of, operator
 from raymarch.sdf.domain import Angle, Direction, Matrix3, Positive, Scalar, Size3, Vec3, Vector, as_operand
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.node import Node, method, solid
@@ -234,7 +234,7 @@ def scale(node: Node, factor: Scalar | Vector) -> Node:
     if value.is_constant and value.type.is_vector and np.all(value.data == value.data[0]):
         return scale_evenly(node, float(value.data[0]))
     scaled = scale_axes(node, factor)
-    if node.definition is box.definition:  # type: ignore[attr-defined]
+    if node.definition is definition_of(box):
         return box(node.params["size"] * scaled.params["factors"])
     return scaled
 

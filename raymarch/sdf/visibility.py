@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from raymarch.expr.node import Expr, const, var
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import where
-from raymarch.sdf.definition import Child, operator
+from raymarch.sdf.definition import Child, definition_of, operator
 from raymarch.sdf.domain import Domain
 from raymarch.sdf.node import Node, all_nodes, method
 
@@ -39,7 +39,7 @@ def visible(p: Expr, child: Child, camera: Switch = True, shadow: Switch = True,
 
 def hidden_from(node: Node) -> list[str]:
     """The kinds of rays that a node itself is hidden from."""
-    if node.definition is not visible.definition:  # type: ignore[attr-defined]
+    if node.definition is not definition_of(visible):
         return []
     return [kind for kind in KINDS if not node.params[kind]]
 

@@ -241,7 +241,7 @@ class LargeField(Field):
         self.plane_normals = np.empty((0, 3)) if self._other is None else self._other.plane_normals
 
     @cached_property
-    def _root_of_rays(self) -> Function:  # type: ignore[override]
+    def _root_of_rays(self) -> Function:  # type: ignore[override]  # made when asked: few rays need it
         p = var("p", VEC3)
         return Function("field", (p,), raw(RawFunction("many_objects", "", self.distance, 1.0), p))
 

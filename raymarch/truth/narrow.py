@@ -15,6 +15,7 @@ from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import Values
 from raymarch.sdf.blends import REACH, levels
 from raymarch.sdf.booleans import hard_union, smooth_union
+from raymarch.sdf.definition import definition_of
 from raymarch.sdf.instancing import instanced
 from raymarch.sdf.labels import rows_of
 from raymarch.sdf.node import Node
@@ -24,9 +25,9 @@ from raymarch.sdf.rows import Rows
 ROWS = 256
 """Rows of a picture whose pixel is the width of the ray: a hit of the picture may lie a pixel beside an object."""
 
-UNION = hard_union.definition  # type: ignore[attr-defined]
-BLEND = smooth_union.definition  # type: ignore[attr-defined]
-LABEL = labelled.definition  # type: ignore[attr-defined]
+UNION = definition_of(hard_union)
+BLEND = definition_of(smooth_union)
+LABEL = definition_of(labelled)
 
 FEWEST = 8
 """Least number of operands of a blend that are looked at one by one."""

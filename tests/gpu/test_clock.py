@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from time import perf_counter, sleep
+from time import process_time, sleep
 from typing import Any
 
 import pytest
@@ -103,10 +103,10 @@ def test_the_test_is_lazy_quick_and_made_once(egl: Context, monkeypatch: Any) ->
     monkeypatch.setattr(module, "try_timer", count)
     clock = Clock(egl, timer_that(egl, lambda ms: ms))
     assert not calls
-    start = perf_counter()
+    start = process_time()
     assert clock.verdict and clock.kind and clock.time(lambda: None) >= 0.0
     assert len(calls) == 1
-    assert perf_counter() - start < 10.0  # 0.1 s on an idle machine; the rest is for a busy one
+    assert process_time() - start < 2.0  # 0.1 s on an idle machine; the rest is for a busy one
 
 
 def test_the_wall_clock_waits_for_the_draw(context: Context) -> None:
@@ -119,9 +119,9 @@ def test_the_wall_clock_waits_for_the_draw(context: Context) -> None:
         program.draw(target, {"iterations": 1})
         light, heavy = (
             min(wall_time(context, lambda: program.draw(target, {"iterations": n})) for _ in range(3))  # noqa: B023
-            for n in (8, 256)
+            for n in (32, 1024)
         )
-    assert heavy > 5 * light
+    assert heavy > 10 * light
 
 
 def test_what_a_draw_does_on_the_cpu_counts_too(egl: Context) -> None:

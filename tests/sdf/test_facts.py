@@ -30,8 +30,8 @@ def test_many_nodes_have_the_facts_of_each(dimension: int) -> None:
         assert as_numbers(one.facts) == as_numbers(other.known_facts) == as_numbers(single), one
 
 
-def test_parameters_in_the_same_places() -> None:
-    """Rows of constants beside rows with a Param: their intervals differ in kind."""
+def test_constants_beside_parameters() -> None:
+    """Intervals of one number, and wider ones, in the same place of nodes of one definition."""
     moved = rm.Param("moved", 0.0, -2.0, 3.0)
     nodes = [rm.box((0.2 * i, 1, 1)).rotate(0.3 * i, (1, i, 2)).translate((i * moved, i, moved)) for i in range(1, 6)]
     nodes += [rm.box(0.1 * i).rotate(moved * i, "x").translate((i, 1.0, 0.0)) for i in range(1, 6)]
