@@ -1,0 +1,60 @@
+"""`raymarch prove`: proves the hits of a picture."""
+
+from __future__ import annotations
+
+import json as json_format
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from raymarch.cli.common import CommandError, OptionalTime, Output, SceneFile, Settings, parse_settings, parse_size
+from raymarch.cli.progress import bar
+from raymarch.files import write
+from raymarch.proof import prove
+from raymarch.scene.file import load
+
+SIZE = "320x180"
+"""Default size of the picture."""
+
+
+def run(
+    scene: SceneFile,
+    size: Annotated[str, typer.Option(metavar="WxH", help="Width and height in pixels.")] = SIZE,
+    within: Annotated[str, typer.Option(help="Tolerance: a share of a pixel, or a length.")] = "0.05px",
+    time: OptionalTime = None,
+    set_: Settings = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE.png", help="Write the verdict of each pixel.")
+    ] = None,
+    json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the figures as JSON.")] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with 2 if a pixel is contradicted or open.")] = False,
+) -> None:
+    for option, file, suffix in (("--output", output, ".png"), ("--json", json, ".json")):
+        if file is not None and file.suffix.lower() != suffix:
+            raise CommandError(f"{option} {file}", legal=f"a file that ends in {suffix}")
+    params, pixels = parse_settings(set_ or []), parse_size(size)
+    with bar("proof", 1.0) as progress:
+        found = prove(load(scene), size=pixels, within=within, time=time, params=params, progress=progress)
+    if output is not None:
+        write(output, lambda partial: found.image().save(partial, "PNG"))
+    if json is not None:
+        write(json, lambda partial: partial.write_text(json_format.dumps(found.as_dict(), indent=2) + "\n"))
+    out = Output()
+    out.print(str(found), markup=False)
+    for reason, count in found.reasons.items():
+        out.print(f"  {count:,} open: {reason}", markup=False)
+    for what in found.as_dict()["contradictions"][:10]:
+        out.print(f"  contradicted: {_shown(what)}", markup=False)
+    if strict and found.share < 1.0:
+        raise typer.Exit(2)
+
+
+def _shown(what: dict[str, float | None]) -> str:
+    """A contradicted pixel in words."""
+    place = f"row {what['row']}, column {what['column']}"
+    hit = "no hit" if what["hit"] is None else f"a hit at {what['hit']:.6g}"
+    surface = what["surface_before"]
+    if surface is None:
+        return f"{place}: {hit}, but the ray is free to {what['free_to']:.6g}"
+    return f"{place}: {hit}, but a surface lies before {surface:.6g}"

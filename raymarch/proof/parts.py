@@ -1,0 +1,283 @@
+"""The solid of a scene as operands of its outermost hard unions, each with an enclosure and a box.
+
+A hard union is positive where all its operands are, and negative where one of them is. So each operand is proved on its
+own, on the part of a ray that lies in its box. Operands whose expressions differ in numbers alone are one program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.expr.arrays import bound
+from raymarch.expr.evaluate import Program
+from raymarch.expr.node import Expr
+from raymarch.expr.types import STATE
+from raymarch.expr.walk import find, topological
+from raymarch.proof.enclosure import ENCLOSURES, Span, constant, jumping, stretches
+from raymarch.proof.rounding import Array, Interval, add, mul, up
+from raymarch.scene.parameter import Values
+from raymarch.sdf.lower import Lowering
+from raymarch.sdf.node import Node
+from raymarch.truth.large import numbered_forms
+from raymarch.truth.narrow import Parts
+
+Whole = NDArray[np.int64]
+
+ROWS = 1 << 12
+"""Stretches evaluated at once: their arrays then stay in the CPU cache."""
+
+SIDES = 3
+"""Most operations that jump on a stretch whose sides are evaluated one by one."""
+
+MARGIN = 1e-9
+"""Relative margin of a box, over its largest coordinate: above rounding errors, far below a pixel."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rays:
+    """Rays of direction `directions`, shape (N, 3), from `origins`, (N, 3)."""
+
+    origins: NDArray[np.float64]
+    directions: NDArray[np.float64]
+
+    def points(self, rays: Whole, start: Array, end: Array, centre: Array) -> Span:
+        """The points of stretches from `start` to `end` on some rays."""
+        origin, direction = (v[rays] for v in (self.origins, self.directions))
+        along = direction, direction
+        first, last, at = (add((origin, origin), mul((t[:, None], t[:, None]), along)) for t in (start, end, centre))
+        return Span(np.minimum(first[0], last[0]), np.maximum(first[1], last[1]), at, along)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Form:
+    """Operands of one program. columns : the numbers of each that differ, shape (n, ...) each. nodes : (n,), or the one
+    node of all."""
+
+    program: Program
+    columns: Sequence[Array]
+    nodes: Sequence[Node]
+    root: Expr
+    params: Sequence[Expr]
+
+    def enclose(self, points: Span, rows: Whole) -> Span:
+        found: Span = self.program(points, *(constant(column[rows]) for column in self.columns))[0]
+        return found
+
+    def node(self, row: int) -> Node:
+        return self.nodes[row if len(self.nodes) > 1 else 0]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretch:
+    """Some stretches of rays, (n,) each: the operand, and where they start and end."""
+
+    rays: Whole
+    operands: Whole
+    start: Array
+    end: Array
+
+    def __len__(self) -> int:
+        return len(self.rays)
+
+    def __getitem__(self, rows: Any) -> Stretch:
+        return Stretch(self.rays[rows], self.operands[rows], self.start[rows], self.end[rows])
+
+    @staticmethod
+    def joined(parts: Sequence[Stretch]) -> Stretch:
+        names = ("rays", "operands", "start", "end")
+        return Stretch(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+class Operands:
+    """The operands of a solid.
+
+    whole : True joins them to one, for rays that start inside of the solid: they leave it where they leave all.
+
+    Attributes
+    ----------
+    lower, upper : boxes, (n, 3); infinite where nothing is known.
+    """
+
+    def __init__(self, root: Node, values: Values, rays: str, whole: bool) -> None:
+        self.values, self.whole = values, whole
+        parts = Parts(root)
+        nodes: list[Node] = [root] if whole else [*parts.solids, *parts.blends]
+        self.forms: list[Form] = []
+        form_of, row_of = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
+        found, forms, rows = numbered_forms([Lowering(rays=rays).field(node) for node in nodes])
+        for number, (body, params, columns) in enumerate(found):
+            program = Program([body], params, ENCLOSURES)
+            own = np.flatnonzero(forms == number)
+            self.forms.append(Form(program, columns, [nodes[i] for i in own[np.argsort(rows[own])]], body, params))
+        form_of.append(forms)
+        row_of.append(rows)
+        facts = [node.facts for node in nodes]
+        lower, upper = (
+            [np.array([f.lower for f in facts]).reshape(-1, 3)],
+            [np.array([f.upper for f in facts]).reshape(-1, 3)],
+        )
+        for many in () if whole else parts.many:
+            for form in many.params["rows"].forms:
+                field = form.columns.field
+                with bound(values.params, values.time):
+                    columns = [np.asarray(c, np.float64) for c in form.columns.values]
+                program = Program([field.body], field.params, ENCLOSURES)
+                form_of.append(np.full(len(form), len(self.forms)))
+                row_of.append(np.arange(len(form)))
+                self.forms.append(Form(program, columns, [many], field.body, field.params))
+                lower.append(form.lower)
+                upper.append(form.upper)
+        self.form_of, self.row_of = np.concatenate(form_of), np.concatenate(row_of)
+        low, high = np.concatenate(lower), np.concatenate(upper)
+        known = np.all(low <= high, axis=1)[:, None] & np.isfinite(low) & np.isfinite(high) & (not whole)
+        size = np.where(known, np.maximum(np.abs(low), np.abs(high)), 0.0).max(axis=1, initial=0.0)[:, None]
+        self.lower = np.where(known, low - MARGIN * size, -np.inf)
+        self.upper = np.where(known, high + MARGIN * size, np.inf)
+
+    def __len__(self) -> int:
+        return len(self.form_of)
+
+    def node(self, operand: int) -> Node:
+        return self.forms[self.form_of[operand]].node(int(self.row_of[operand]))
+
+    def enclose(self, rays: Rays, at: Stretch, centre: Array) -> tuple[Interval, Interval, Interval]:
+        """The range, the value at the centre and the slope of the operand on each stretch."""
+        n = len(at)
+        results = [np.empty(n) for _ in range(6)]
+        form_of = self.form_of[at.operands]
+        with bound(self.values.params, self.values.time):
+            for number in np.flatnonzero(np.bincount(form_of)):
+                chosen = np.flatnonzero(form_of == number)
+                for i in range(0, len(chosen), ROWS):
+                    some = chosen[i : i + ROWS]
+                    part, middle = at[some], centre[some]
+                    with stretches(up(middle - part.start), up(part.end - middle)), jumping() as jumps:
+                        points = rays.points(part.rays, part.start, part.end, middle)
+                        found = self.forms[number].enclose(points, self.row_of[part.operands])
+                    slope = found.slope or (np.asarray(0.0), np.asarray(0.0))
+                    for result, value in zip(results, (*found.range, *found.at, *slope), strict=True):
+                        result[some] = value
+                    self._on_both_sides(rays, self.forms[number], part, middle, some, np.array(jumps), results)
+        for low, high in zip(results[::2], results[1::2], strict=True):
+            low[np.isnan(low)], high[np.isnan(high)] = -np.inf, np.inf
+        if self.whole:
+            results = [-results[i] for i in (1, 0, 3, 2, 5, 4)]
+        return (results[0], results[1]), (results[2], results[3]), (results[4], results[5])
+
+    def holds(self, rays: Rays, start: Array) -> NDArray[np.bool_]:
+        """Whether the start of each ray lies in the solid."""
+        work = self.met(rays, start, start)
+        _, at, _ = self.enclose(rays, work, work.start)
+        inside = np.zeros(len(start), bool)
+        inside[work.rays[at[1] < 0.0]] = True
+        return inside
+
+    def reasons(self, rays: Rays, left: Stretch, open_: NDArray[np.bool_]) -> dict[str, int]:
+        """What kept rays open: the first stretch of each, by the operation whose enclosure is unbounded."""
+        rows = np.flatnonzero(open_[left.rays])
+        order = rows[np.lexsort((left.start[rows], left.rays[rows]))]
+        first = order[np.unique(left.rays[order], return_index=True)[1]]
+        found: dict[str, int] = {}
+        for number in range(len(self.forms)):
+            own = left[first[self.form_of[left.operands[first]] == number]]
+            for i in range(0, len(own), ROWS):
+                for what, count in self._blamed(rays, self.forms[number], own[i : i + ROWS]).items():
+                    found[what] = found.get(what, 0) + count
+        return found
+
+    def _blamed(self, rays: Rays, form: Form, part: Stretch) -> dict[str, int]:
+        """The solid of each stretch, and the first operation without bounds, if there is one."""
+        nodes = [
+            node for node in topological([form.root]) if node.op not in ("const", "var") and node.type is not STATE
+        ]
+        middle = 0.5 * (part.start + part.end)
+        rows = self.row_of[part.operands]
+        here = stretches(up(middle - part.start), up(part.end - middle))
+        with bound(self.values.params, self.values.time), here:
+            points = rays.points(part.rays, part.start, part.end, middle)
+            program = Program(nodes, form.params, ENCLOSURES)
+            values = program(points, *(constant(column[rows]) for column in form.columns))
+        blamed = np.full(len(part), -1)
+        for number, value in enumerate(values):
+            if isinstance(value, Span) and value.slope is not None:
+                steep = np.maximum(np.abs(value.slope[0]), np.abs(value.slope[1]))
+                wide = np.broadcast_to(steep, (len(part), *nodes[number].type.shape))
+                blamed[(blamed < 0) & ~np.isfinite(wide).reshape(len(part), -1).all(axis=1)] = number
+        found: dict[str, int] = {}
+        for number, row in zip(blamed, rows, strict=True):
+            node = form.node(int(row))
+            op = "values between wide bounds" if number < 0 else _named(nodes[number])
+            where = f" at {node.where}" if node.where else ""
+            what = f"{node.name}{where}: {op}"
+            found[what] = found.get(what, 0) + 1
+        return found
+
+    def _on_both_sides(
+        self, rays: Rays, form: Form, part: Stretch, middle: Array, some: Whole, jumps: Array, results: Sequence[Array]
+    ) -> None:
+        """Sharper ranges of the stretches over a few jumps: the hull of the values on all sides."""
+        if not len(jumps):
+            return
+        count = np.where(np.isnan(results[0][some]) | (results[0][some] <= 0.0), jumps.sum(axis=0), 0)
+        count[part.start == part.end] = 0
+        for k in range(1, SIDES + 1):
+            rows = np.flatnonzero(count == k)
+            if not len(rows):
+                continue
+            which = np.argsort(~jumps[:, rows], axis=0, kind="stable")[:k]
+            low, high = np.full(len(rows), np.inf), np.full(len(rows), -np.inf)
+            own, centre = part[rows], middle[rows]
+            for combination in range(2**k):
+                sides = np.full((len(jumps), len(rows)), -1, np.int8)
+                for j in range(k):
+                    sides[which[j], np.arange(len(rows))] = combination >> j & 1
+                with stretches(up(centre - own.start), up(own.end - centre)), jumping(sides):
+                    points = rays.points(own.rays, own.start, own.end, centre)
+                    found = form.enclose(points, self.row_of[own.operands])
+                low = np.minimum(low, np.where(np.isnan(found.low), -np.inf, found.low))
+                high = np.maximum(high, np.where(np.isnan(found.high), np.inf, found.high))
+            at = some[rows]
+            results[0][at] = np.fmax(results[0][at], low)
+            results[1][at] = np.fmin(results[1][at], high)
+
+    def near(self, rays: Rays, around: Array) -> Stretch:
+        """The origins of all rays as stretches without length, of the operands whose boxes are within a distance."""
+        beyond = np.maximum(self.lower - rays.origins[:, None], rays.origins[:, None] - self.upper).max(axis=2)
+        rows, operands = np.nonzero(beyond <= around[:, None])
+        zero = np.zeros(len(rows))
+        return Stretch(rows, operands, zero, zero)
+
+    def met(self, rays: Rays, start: Array, end: Array) -> Stretch:
+        """The parts of all rays, from start to end, in the boxes of the operands."""
+        parts = []
+        step = max(1, (1 << 20) // max(len(self), 1))
+        for first in range(0, len(start), step):
+            some = slice(first, first + step)
+            parts.append(self._met(rays.origins[some], rays.directions[some], start[some], end[some], first))
+        return Stretch.joined(parts)
+
+    def _met(self, origins: Array, directions: Array, start: Array, end: Array, first: int) -> Stretch:
+        enter = np.broadcast_to(start[:, None], (len(start), len(self))).copy()
+        leave = np.broadcast_to(end[:, None], enter.shape).copy()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for axis in range(3):
+                o, d = origins[:, axis, None], directions[:, axis, None]
+                below, above = self.lower[:, axis] - o, self.upper[:, axis] - o
+                near, far = np.fmin(below / d, above / d), np.fmax(below / d, above / d)
+                beside = (d == 0.0) & ((below > 0.0) | (above < 0.0))
+                np.maximum(enter, np.where(d == 0.0, np.where(beside, np.inf, -np.inf), near * (1 - 1e-12)), out=enter)
+                np.minimum(leave, np.where(d == 0.0, np.inf, far * (1 + 1e-12)), out=leave)
+        rows, operands = np.nonzero(enter <= leave)
+        return Stretch(first + rows, operands, enter[rows, operands], leave[rows, operands])
+
+
+def _named(node: Expr) -> str:
+    """An operation as a user may know it."""
+    if node.op != "call":
+        return node.op
+    return "GLSL of your own" if find([node], "raw") else f"in {node.data.name}"

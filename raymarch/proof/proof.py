@@ -1,0 +1,255 @@
+"""`rm.prove`: a proof about the hit of each pixel."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from raymarch.errors import SceneError
+from raymarch.expr.calls import checked
+from raymarch.expr.convert import numbers, short
+from raymarch.gpu.renderer import Renderer
+from raymarch.proof.parts import Operands, Rays
+from raymarch.proof.search import CONTRADICTED, OPEN, PROVED, Verdict, judge
+from raymarch.scene.camera import Pose
+from raymarch.scene.parameter import ParamValue, Values, set_values
+from raymarch.scene.scene import Scene, as_scene
+from raymarch.sdf.node import Node
+
+SHORTEST = 2.0**-16
+"""Length of a stretch that is not halved, in tolerances."""
+
+COLORS = {PROVED: (58, 110, 84), CONTRADICTED: (214, 40, 40), OPEN: (240, 190, 60)}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Proof:
+    """What is proved about the pixels of a picture of H rows and W columns; row 0 is the top.
+
+    Attributes
+    ----------
+    state : (H, W) uint8. 0 proved: before the reported hit, by more than the tolerance, the ray meets nothing but
+        slivers of the solid less deep than the tolerance, and a point of the solid lies within the tolerance of the
+        hit; or no hit was reported, and the ray meets nothing but such slivers. 1 contradicted: the ray meets more
+        before the hit, or no solid is within the tolerance of it. 2 open: neither was shown.
+    low, high : (H, W) float64. No surface lies before `low` on the ray, and one before `high`; inf if none is known.
+    depth : (H, W) float64, the reported hits.
+    within : (H, W) float64, the tolerance as a length.
+    evaluations : (H, W) int64, enclosures of operands that were computed.
+    reasons : what kept pixels open, with their number.
+    tolerance : the tolerance as it was given.
+    """
+
+    state: NDArray[np.uint8]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    depth: NDArray[np.float64]
+    within: NDArray[np.float64]
+    evaluations: NDArray[np.int64]
+    reasons: Mapping[str, int]
+    tolerance: str = field(default="0.05px")
+
+    @property
+    def share(self) -> float:
+        """Proved pixels over all pixels, 0 to 1."""
+        return float(np.mean(self.state == PROVED))
+
+    @property
+    def proved(self) -> int:
+        return int(np.sum(self.state == PROVED))
+
+    @property
+    def contradicted(self) -> int:
+        return int(np.sum(self.state == CONTRADICTED))
+
+    @property
+    def open(self) -> int:
+        return int(np.sum(self.state == OPEN))
+
+    def __repr__(self) -> str:
+        return f"<Proof: {self}>"
+
+    def __str__(self) -> str:
+        height, width = self.state.shape
+        what = self.tolerance.replace("px", " px")
+        parts = [
+            f"{self.proved:,} of {self.state.size:,} pixels proved at {width}x{height}: nothing deeper than {what} "
+            f"lies more than {what} before the hit, and the surface is within {what} of it"
+        ]
+        parts += [f"{self.contradicted:,} contradicted"] if self.contradicted else []
+        parts += [f"{self.open:,} open"] if self.open else []
+        return "; ".join(parts)
+
+    def image(self) -> Image.Image:
+        """Proved pixels green, contradicted ones red, open ones yellow."""
+        picture = np.zeros((*self.state.shape, 3), np.uint8)
+        for state, color in COLORS.items():
+            picture[self.state == state] = color
+        return Image.fromarray(picture)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Figures for JSON."""
+        height, width = self.state.shape
+        rows, columns = np.nonzero(self.state == CONTRADICTED)
+        return {
+            "size": [width, height],
+            "within": self.tolerance,
+            "pixels": self.state.size,
+            "proved": self.proved,
+            "contradicted": self.contradicted,
+            "open": self.open,
+            "share": self.share,
+            "evaluations": float(self.evaluations.mean()),
+            "reasons": dict(self.reasons),
+            "contradictions": [
+                {
+                    "row": int(i),
+                    "column": int(j),
+                    "hit": _finite(self.depth[i, j]),
+                    "free_to": float(self.low[i, j]),
+                    "surface_before": _finite(self.high[i, j]),
+                }
+                for i, j in zip(rows[:100], columns[:100], strict=True)
+            ],
+        }
+
+
+def _finite(number: float) -> float | None:
+    return float(number) if np.isfinite(number) else None
+
+
+@checked
+def prove(
+    scene: Scene | Node,
+    frame: Any = None,
+    size: tuple[int, int] = (320, 180),
+    within: str | float = "0.05px",
+    time: float | None = None,
+    params: Mapping[str, ParamValue] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Proof:
+    """Prove the hits of a picture by intervals that are rounded outwards.
+
+    Parameters
+    ----------
+    scene : the scene, or a solid in a default one.
+    frame : a Frame or a Truth, or any object with `depth`, (H, W): the distance along the ray through the centre of
+        each pixel, inf where nothing was hit. None renders the scene.
+    size : (width, height) in pixels of the picture that is rendered.
+    within : the tolerance: "0.05px" is a part of the width of a pixel at the hit; a number is a length. Above 0.
+    time : seconds. None is the time of the frame, or 0.
+    params : values of parameters by name, within their ranges; the others keep their defaults.
+    progress : called with the share that is done, 0 to 1.
+
+    Returns a `Proof`.
+
+    Notes
+    -----
+    The field is that of real numbers, as the definitions state it. The proof needs no Lipschitz constant. Of a union of
+    several solids it uses their bounding boxes, unless a box is unknown. It is about the rays through the centres of
+    pixels, from the camera's position in float64, up to the distance at which rays end.
+
+    Raises SceneError for a frame without depths (H, W) or with NaN, and for a tolerance that is not above 0.
+    """
+    scene = as_scene("prove", scene)
+    share, length, text = _tolerance(within)
+    if frame is None:
+        with Renderer(size) as renderer:
+            frame = renderer.render(scene, time or 0.0, params, outputs=("depth",))
+    depth = _depths(frame)
+    height, width = depth.shape
+    at = time if time is not None else float(getattr(frame, "time", 0.0))
+    values = set_values(scene.parameters, params, at, scene.where)
+    pose = scene.pose(values, width / height)
+    rays = _rays(pose, (width, height))
+    hit = depth.ravel()
+    far = scene.far(pose, values)
+    rate = rays.directions @ pose.view
+    start = pose.near / rate if pose.near > 0.0 else np.zeros(hit.shape)
+    end = np.minimum(far, pose.far / rate)
+    reach = np.where(np.isfinite(hit), hit, end) if not pose.orthographic else np.ones(hit.shape)
+    tolerance = np.full(hit.shape, length) if share is None else share * pose.pixel(height) * reach
+    verdict, reasons = _verdict(scene.node, values, rays, start, end, hit, tolerance, progress)
+    shape = (height, width)
+    return Proof(
+        state=verdict.state.reshape(shape),
+        low=verdict.low.reshape(shape),
+        high=verdict.high.reshape(shape),
+        depth=depth,
+        within=tolerance.reshape(shape),
+        evaluations=verdict.evaluations.reshape(shape),
+        reasons=reasons,
+        tolerance=text,
+    )
+
+
+def _tolerance(within: Any) -> tuple[float | None, float, str]:
+    """A share of the pixel or None, a length, and the text of a tolerance."""
+    legal = 'a share of a pixel such as "0.05px", or a length, above 0'
+    found = re.fullmatch(r"\s*([0-9.eE+-]+)\s*(px)?\s*", within if isinstance(within, str) else repr(within))
+    try:
+        number = float(found[1]) if found else np.nan
+    except ValueError:
+        number = np.nan
+    if not (0.0 < number < np.inf) or isinstance(within, bool):
+        raise SceneError(f"prove: within = {short(within)}", legal=legal)
+    assert found is not None
+    return (number, 0.0, f"{found[1]}px") if found[2] else (None, number, found[1])
+
+
+def _depths(frame: Any) -> NDArray[np.float64]:
+    legal = "a Frame, or an object with depth (H, W), inf where nothing was hit"
+    depth = numbers("prove: depth of the frame", getattr(frame, "depth", None), legal)
+    if depth.ndim != 2 or not depth.size:
+        raise SceneError(f"prove: depth of shape {depth.shape}", legal=legal)
+    if np.isnan(depth).any() or (depth < 0.0).any():
+        bad = "NaN" if np.isnan(depth).any() else "below 0"
+        raise SceneError(f"prove: {int((~(depth >= 0.0)).sum()):,} depths are {bad}", legal=legal)
+    return depth
+
+
+def _rays(pose: Pose, size: tuple[int, int]) -> Rays:
+    origins, directions = (
+        np.ascontiguousarray(v.reshape(-1, 3)) for v in pose.rays(np.arange(size[0]), np.arange(size[1])[:, None], size)
+    )
+    return Rays(origins, directions)
+
+
+def _verdict(
+    node: Node,
+    values: Values,
+    rays: Rays,
+    start: NDArray[np.float64],
+    end: NDArray[np.float64],
+    hit: NDArray[np.float64],
+    within: NDArray[np.float64],
+    progress: Callable[[float], None] | None,
+) -> tuple[Verdict, dict[str, int]]:
+    """The verdicts of the rays that start outside of the solid, and of those that start inside, which seek the exit."""
+    outside = Operands(node, values, "camera", whole=False)
+    inside = outside.holds(rays, start)
+    result: Verdict | None = None
+    reasons: Counter[str] = Counter()
+    for held in (False, True):
+        rows = np.flatnonzero(inside == held)
+        if not len(rows):
+            continue
+        operands = Operands(node, values, "camera", whole=True) if held else outside
+        part = Rays(rays.origins[rows], rays.directions[rows])
+        own = within[rows]
+        found = judge(operands, part, start[rows], end[rows], hit[rows], own, SHORTEST * own, progress)
+        reasons.update(operands.reasons(part, found.left, found.state == OPEN))
+        if len(rows) == len(hit):
+            return found, dict(reasons.most_common())
+        result = result or Verdict.unknown(len(hit), found.left[:0])
+        for name in ("state", "low", "high", "evaluations"):
+            getattr(result, name)[rows] = getattr(found, name)
+    assert result is not None
+    return result, dict(reasons.most_common())

@@ -1,0 +1,141 @@
+"""Proofs of pictures: what is right is proved, what is wrong is contradicted, and bad input is refused."""
+
+from __future__ import annotations
+
+import pickle
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.errors import SceneError
+from raymarch.sdf.definition import cube
+from raymarch.sdf.domain import Positive
+
+SIZE = (48, 27)
+BOX = (rm.box((1.6, 1.6, 1.6)).round(0.1) - rm.sphere(1.1)).rotate(0.6, "y").translate((-1.3, 0, 0))
+RING = rm.union(rm.torus(0.8, 0.3), rm.sphere(0.6), k=0.3).rotate(1.1, "x").translate((1.3, 0.2, 0))
+SCENE = rm.Scene(BOX | RING | rm.plane(offset=-0.9), camera=rm.Camera((1.5, 2.5, 6.5), (0, 0, 0)))
+
+
+def depth_of(scene: rm.Scene = SCENE) -> np.ndarray:
+    return rm.truth(scene, SIZE, outputs=("depth",)).depth
+
+
+def with_depth(depth: np.ndarray) -> SimpleNamespace:
+    return SimpleNamespace(depth=depth)
+
+
+def test_all_hits_of_a_picture_are_proved() -> None:
+    found = rm.prove(SCENE, size=SIZE)
+    assert found.share == 1.0 and found.contradicted == found.open == 0
+    assert np.all(found.evaluations.mean() < 20)
+    hit = np.isfinite(found.depth)
+    assert np.all(found.low[hit] >= (found.depth - found.within)[hit] * (1 - 1e-12))
+    assert str(found).startswith("1,296 of 1,296 pixels proved at 48x27: nothing deeper than 0.05 px")
+    assert found.as_dict()["proved"] == 1296 and found.image().size == SIZE
+    again = pickle.loads(pickle.dumps(found))
+    assert np.array_equal(again.state, found.state) and repr(again) == repr(found)
+
+
+def test_the_reference_is_proved_within_a_millionth_of_a_pixel() -> None:
+    found = rm.prove(SCENE, rm.truth(SCENE, SIZE, outputs=("depth",)), within="1e-6px")
+    assert found.contradicted == 0 and found.share > 0.99
+
+
+@pytest.mark.parametrize("pixels", [-0.2, 0.2, 3.0, 40.0])
+def test_hits_that_are_moved_are_contradicted(pixels: float) -> None:
+    depth = depth_of()
+    proof = rm.prove(SCENE, with_depth(depth))
+    hit = np.isfinite(depth)
+    hit[::3] = hit[:, ::3] = False  # fewer rays
+    moved = rm.prove(SCENE, with_depth(np.where(hit, depth + pixels * proof.within / 0.05, depth)))
+    steep = hit & (np.abs(np.einsum("ijk,ijk->ij", *_normals_and_directions())) > 0.5)
+    assert np.all(moved.state[steep] == 1)
+
+
+def _normals_and_directions() -> tuple[np.ndarray, np.ndarray]:
+    truth = rm.truth(SCENE, SIZE, outputs=("depth", "normal"))
+    return truth.normal, truth.direction
+
+
+def test_a_part_that_is_missing_is_contradicted() -> None:
+    without = rm.Scene(BOX | rm.plane(offset=-0.9), camera=SCENE.camera)
+    found = rm.prove(SCENE, with_depth(depth_of(without)))
+    missing = depth_of(without) > depth_of() + 10 * found.within
+    same = depth_of(without) == depth_of()
+    assert missing.sum() > 50 and np.mean(found.state[missing] == 1) > 0.95 and np.all(found.state[missing] > 0)
+    assert np.all(found.state[same] == 0)
+
+
+def test_a_part_that_is_not_there_is_contradicted() -> None:
+    without = rm.Scene(BOX | rm.plane(offset=-0.9), camera=SCENE.camera)
+    found = rm.prove(without, with_depth(depth_of()))
+    invented = depth_of() < depth_of(without) - 10 * found.within
+    same = depth_of(without) == depth_of()
+    assert np.all(found.state[invented] == 1) and np.all(found.state[same] == 0)
+
+
+def test_a_wrong_bound_is_contradicted() -> None:
+    """The field is three times as steep as it states: rays step through the solid."""
+
+    @rm.shape(exactness="bound", bounds=lambda radius: cube(radius))
+    def steep_ball(p: Any, radius: Positive = 1.0) -> Any:
+        """A ball whose field is too large."""
+        return 8.0 * (rm.length(p) - radius)
+
+    scene = rm.Scene(steep_ball(0.3), camera=rm.Camera((0, 0, 4)))
+    found = rm.prove(scene, size=SIZE)
+    assert found.contradicted > 0
+
+
+def test_a_camera_inside_of_a_solid() -> None:
+    room = rm.Scene(rm.box((4, 4, 4)) - rm.sphere(0.5).translate((5, 0, 0)), camera=rm.Camera((0, 0, 1), (0.3, 0.2, 0)))
+    found = rm.prove(room, size=SIZE)
+    assert np.isfinite(found.depth).all() and found.share == 1.0
+
+
+def test_other_cameras() -> None:
+    for camera in (
+        rm.Camera((1.5, 2.5, 6.5), (0, 0, 0), projection="orthographic"),
+        rm.Camera((1.5, 2.5, 6.5), (0, 0, 0), near=5.0, far=9.0),
+    ):
+        found = rm.prove(SCENE.replace(camera=camera), size=SIZE)
+        assert found.share > 0.999 and found.open == 0, camera
+
+
+def test_time_and_parameters() -> None:
+    height = rm.Param("height", 0.2, 0, 2)
+    ball = rm.sphere(0.5).translate((rm.sin(rm.time), height, 0)) | rm.plane(offset=-1)
+    scene = rm.Scene(ball, camera=rm.Camera((0, 1, 5), (0, 0, 0)))
+    with rm.Renderer(SIZE) as renderer:
+        frame = renderer.render(scene, 0.7, {"height": 1.1}, outputs=("depth",))
+    assert rm.prove(scene, frame, params={"height": 1.1}).share == 1.0
+    assert rm.prove(scene, frame).contradicted > 0
+
+
+@pytest.mark.parametrize(
+    ("frame", "within", "words"),
+    [
+        (SimpleNamespace(), "0.05px", "depth of the frame"),
+        (with_depth(np.zeros(4)), "0.05px", "shape"),
+        (with_depth(np.full((4, 4), np.nan)), "0.05px", "NaN"),
+        (with_depth(np.full((4, 4), -1.0)), "0.05px", "below 0"),
+        (None, "0px", "above 0"),
+        (None, "half", "within"),
+        (None, -1.0, "within"),
+    ],
+)
+def test_bad_input_is_one_line(frame: object, within: object, words: str) -> None:
+    with pytest.raises(SceneError, match=words) as fault:
+        rm.prove(SCENE, frame, within=within)  # type: ignore[arg-type]
+    assert "\n" not in str(fault.value)
+
+
+def test_what_keeps_pixels_open_is_named() -> None:
+    code = "float bumpy(vec3 p) { return length(p) - 1.0; }"
+    solid = rm.glsl_node(code, "bumpy", bounds=((-1, -1, -1), (1, 1, 1)), twin=lambda p: np.linalg.norm(p, axis=1) - 1)
+    found = rm.prove(rm.Scene(solid, camera=rm.Camera((0, 0, 4))), size=SIZE)
+    assert found.open > 0 and any("GLSL of your own" in reason for reason in found.reasons)

@@ -1,0 +1,106 @@
+"""Intervals rounded outwards, against numbers of 40 digits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from raymarch.proof import rounding as r
+
+COUNT = 300
+"""Arguments of each operation; `python -m tests.lab.rounding` tries more."""
+
+ONE: dict[str, tuple[Callable[..., Any], Callable[..., Any], tuple[float, float]]] = {
+    "root": (r.root, mpmath.sqrt, (0.0, 1e6)),
+    "square": (r.square, lambda x: x * x, (-1e6, 1e6)),
+    "reciprocal": (r.reciprocal, lambda x: 1 / x, (1e-6, 1e6)),
+    "exp": (r.exp, mpmath.exp, (-700.0, 700.0)),
+    "exp2": (r.exp2, lambda x: mpmath.mpf(2) ** x, (-1000.0, 1000.0)),
+    "log": (r.log, mpmath.log, (1e-30, 1e30)),
+    "log2": (r.log2, lambda x: mpmath.log(x, 2), (1e-30, 1e30)),
+    "sine": (r.sine, mpmath.sin, (-1e3, 1e3)),
+    "cosine": (r.cosine, mpmath.cos, (-1e3, 1e3)),
+    "tangent": (r.tangent, mpmath.tan, (-1e2, 1e2)),
+    "arcsin": (r.arcsin, mpmath.asin, (-1.0, 1.0)),
+    "arccos": (r.arccos, mpmath.acos, (-1.0, 1.0)),
+    "arctan": (r.arctan, mpmath.atan, (-1e4, 1e4)),
+    "sinh": (r.sinh, mpmath.sinh, (-300.0, 300.0)),
+    "cosh": (r.cosh, mpmath.cosh, (-300.0, 300.0)),
+    "tanh": (r.tanh, mpmath.tanh, (-20.0, 20.0)),
+}
+TWO: dict[str, tuple[Callable[..., Any], Callable[..., Any], tuple[float, float]]] = {
+    "add": (r.add, lambda x, y: x + y, (-1e6, 1e6)),
+    "sub": (r.sub, lambda x, y: x - y, (-1e6, 1e6)),
+    "mul": (r.mul, lambda x, y: x * y, (-1e6, 1e6)),
+    "div": (r.div, lambda x, y: x / y, (1e-3, 1e6)),
+    "power": (r.power, lambda x, y: x**y, (1e-3, 30.0)),
+    "arctan2": (lambda y, x: r.arctan2(y, x)[0], mpmath.atan2, (-1e3, 1e3)),
+}
+
+
+def arguments(ends: tuple[float, float], count: int, seed: int) -> NDArray[np.float64]:
+    """Even numbers, numbers even in their exponents, the ends, and numbers near multiples of pi / 2."""
+    random = np.random.default_rng(seed)
+    low, high = ends
+    even = random.uniform(low, high, count)
+    small = np.exp2(random.uniform(-30, np.log2(max(abs(low), abs(high))), count)) * random.choice([-1.0, 1.0], count)
+    turns = np.round(random.uniform(low, high, count // 4) / (np.pi / 2)) * (np.pi / 2)
+    found = np.concatenate([even, small, turns, np.nextafter(turns, np.inf), [low, high]])
+    return np.asarray(found[(found >= low) & (found <= high)])
+
+
+def outside(found: r.Interval, exact: Callable[..., Any], *given: NDArray[np.float64]) -> list[tuple[float, ...]]:
+    """The arguments whose exact result is not in the interval."""
+    bad = []
+    with mpmath.workdps(40):
+        for low, high, *numbers in zip(*found, *given, strict=True):
+            true = exact(*(mpmath.mpf(float(n)) for n in numbers))
+            if not mpmath.mpf(float(low)) <= true <= mpmath.mpf(float(high)):
+                bad.append(tuple(map(float, numbers)))
+    return bad
+
+
+@pytest.mark.parametrize("name", ONE)
+def test_functions_of_one_number(name: str) -> None:
+    rule, exact, ends = ONE[name]
+    x = arguments(ends, COUNT, 1)
+    with np.errstate(all="ignore"):
+        assert outside(rule((x, x)), exact, x) == []
+
+
+@pytest.mark.parametrize("name", TWO)
+def test_functions_of_two_numbers(name: str) -> None:
+    rule, exact, ends = TWO[name]
+    x, y = arguments(ends, COUNT, 1), arguments(ends, COUNT, 2)
+    x, y = x[: min(len(x), len(y))], y[: min(len(x), len(y))]
+    with np.errstate(all="ignore"):
+        assert outside(rule((x, x), (y, y)), exact, x, y) == []
+
+
+@pytest.mark.parametrize("name", [*ONE, *TWO])
+def test_intervals_hold_the_values_of_their_numbers(name: str) -> None:
+    """Of random intervals, wide and narrow, at random numbers in them."""
+    rule, exact, ends = {**ONE, **TWO}[name]
+    random = np.random.default_rng(3)
+    count = 2 if name in TWO else 1
+    values = [arguments(ends, 100, k) for k in range(count)]
+    n = min(map(len, values))
+    values = [v[:n] for v in values]
+    width = np.exp2(random.uniform(-40, 2, (count, n)))
+    low = [np.clip(v - w * random.random(n), *ends) for v, w in zip(values, width, strict=True)]
+    high = [np.clip(v + w * random.random(n), *ends) for v, w in zip(values, width, strict=True)]
+    with np.errstate(all="ignore"):
+        found = rule(*zip(low, high, strict=True))
+    assert outside(found, exact, *values) == []
+
+
+def test_one_unit_less_is_noticed() -> None:
+    """The test can fail: without the widening, a third of all sums is outside."""
+    x, y = (arguments((-1e6, 1e6), COUNT, seed) for seed in (1, 2))
+    x, y = x[: min(len(x), len(y))], y[: min(len(x), len(y))]
+    assert len(outside((x + y, x + y), lambda a, b: a + b, x, y)) > 50
