@@ -5,6 +5,7 @@ python -m tests.lab.scale --counts 32 2048    some numbers of objects
 python -m tests.lab.scale --text 8 32 128     the same scenes with all objects as text
 python -m tests.lab.scale --blend 6000        blended objects, against brute force on crops
 python -m tests.lab.scale --reference 5000    the float64 reference
+python -m tests.lab.scale --arranged 20000    lines, planes, shells, clusters and groups far apart
 
 Each row is measured in a process of its own, without the driver's shader cache. Times are those of the CPU. `again` is
 the build with cells from the disk.
@@ -26,6 +27,8 @@ from unittest import mock
 
 import numpy as np
 from numpy.typing import NDArray
+
+from tests.support.arrangements import ARRANGEMENTS
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -160,6 +163,35 @@ def measure(n: int, objects: str) -> dict[str, Any]:
         counted = renderer.render(made, outputs=("evaluations",))
         found["evaluations"] = float(counted.evaluations.mean())
         frame.image().save(f"/tmp/scale-{objects}-{n}.png") if os.environ.get("RAYMARCH_SHOW") else None
+    return found
+
+
+def measure_arranged(name: str, n: int, k: float) -> dict[str, Any]:
+    """Peak memory and CPU time of spheres at uneven places, and a picture of 32x18 pixels of some of them."""
+    import raymarch as rm
+    from raymarch.plan import plan
+    from tests.support.arrangements import RADIUS, arranged
+
+    def peak() -> float:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10
+
+    rm.render(rm.Scene(rm.sphere()), size=(16, 16))  # loads the driver
+    clock, before = time.process_time, peak()
+    places = arranged(name, n)
+    begin = clock()
+    node = rm.union(*[rm.sphere(RADIUS).translate(place) for place in places], k=k)
+    made = rm.Scene(node, camera=rm.Camera(position=places[0] + np.array([1.0, 2.0, 3.0]), target=places[0]))
+    found: dict[str, Any] = {"arrangement": name, "objects": n, "k": k, "nodes s": clock() - begin}
+    found["nodes MiB"] = peak() - before
+    begin = clock()
+    planned = plan(made, size=SIZE)
+    found["plan s"] = clock() - begin
+    found["plan MiB"] = peak() - before - found["nodes MiB"]
+    found["longest list"] = planned.located[0].cells.most
+    begin = clock()
+    with rm.Renderer(size=(32, 18)) as renderer:
+        found["evaluations"] = float(renderer.render(made).evaluations.mean())
+    found["picture s"] = clock() - begin
     return found
 
 
@@ -308,22 +340,26 @@ def traced(n: int, k: float = 0.0, size: tuple[int, int] = (64, 36)) -> dict[str
     return row
 
 
+def written(value: float) -> str:
+    return f"{value:,}" if isinstance(value, int) else f"{value:.3g}" if value < 1000 else f"{value:,.0f}"
+
+
 def show(rows: list[dict[str, Any]]) -> None:
     """Print a table in Markdown."""
     names = list(rows[0])
     print("| " + " | ".join(names) + " |")
     print("|" + "---|" * len(names))
     for row in rows:
-        cells = [f"{v:,}" if isinstance(v, int) else f"{v:.3g}" if v < 1000 else f"{v:,.0f}" for v in row.values()]
+        cells = [v if isinstance(v, str) else written(v) for v in row.values()]
         print("| " + " | ".join(cells) + " |", flush=True)
 
 
-def in_process(n: int, objects: str) -> dict[str, Any]:
-    """`measure` in a new process."""
+def in_process(*arguments: object) -> dict[str, Any]:
+    """`measure` or `measure_arranged` in a new process."""
     environment = {**os.environ, "MESA_SHADER_CACHE_DISABLE": "true", "RAYMARCH_COMPILE_LIMIT": "1e6"}
     with tempfile.TemporaryDirectory() as cache:
         run = subprocess.run(
-            [sys.executable, "-W", "ignore", "-m", "tests.lab.scale", "--one", str(n), objects],
+            [sys.executable, "-W", "ignore", "-m", "tests.lab.scale", "--one", *map(str, arguments)],
             env={**environment, "RAYMARCH_CACHE": cache},
             capture_output=True,
             text=True,
@@ -340,7 +376,8 @@ def main() -> None:
     parser.add_argument("--text", type=int, nargs="*", default=[])
     parser.add_argument("--blend", type=int)
     parser.add_argument("--reference", type=int, nargs="*")
-    parser.add_argument("--one", nargs=2, help=argparse.SUPPRESS)
+    parser.add_argument("--arranged", type=int)
+    parser.add_argument("--one", nargs="+", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.blend:
         show([blended(given.blend)])
@@ -349,7 +386,14 @@ def main() -> None:
         show([traced(n, k) for n in given.reference for k in ((0.0, 0.25) if n <= 5000 else (0.0,))])
         return
     if given.one:
-        print(measure(int(given.one[0]), given.one[1]))
+        name, *numbers = given.one
+        if name.isdigit():
+            print(measure(int(name), *numbers))
+        else:
+            print(measure_arranged(name, int(numbers[0]), float(numbers[1])))
+        return
+    if given.arranged:
+        show([in_process(name, given.arranged, k) for name in ARRANGEMENTS for k in (0.0, 0.005)])
         return
     rows = [in_process(n, "data") for n in given.counts if not given.text]
     rows += [in_process(n, "text") for n in given.text]
