@@ -63,6 +63,13 @@ types=$(mktemp)
     echo "$((SECONDS - begun)) $status" >"$types"
 } &
 checker=$!
+others=$(mktemp)
+{ # other interpreters, and the lowest versions of all dependencies
+    begun=$SECONDS status=0
+    python -m tests.interpreters >"$others.txt" 2>&1 || status=$?
+    echo "$((SECONDS - begun)) $status" >"$others"
+} &
+commands=$!
 # A process draws and computes with one thread: there are as many processes as cores. Each takes neighbouring tests,
 # which share what their fixtures made, until it has none left; then it takes some of another's.
 export LP_NUM_THREADS=${LP_NUM_THREADS:-1} OPENBLAS_NUM_THREADS=${OPENBLAS_NUM_THREADS:-1}
@@ -71,9 +78,12 @@ export LP_NUM_THREADS=${LP_NUM_THREADS:-1} OPENBLAS_NUM_THREADS=${OPENBLAS_NUM_T
 [[ " $* " == *" --all "* ]] || export GALLIVM_PERF=${GALLIVM_PERF-nopt}
 status=0
 phase "tests" python -m pytest -n 2 --dist worksteal "$@" || status=$?
-wait "$checker" || true
+wait "$checker" "$commands" || true
+cat "$others.txt"
 read -r seconds typed <"$types"
-rm "$types"
 phases+=("$(printf '%5d s  types, beside the tests' "$seconds")")
-[ "$typed" = 0 ] || exit 1
+read -r seconds commanded <"$others"
+phases+=("$(printf '%5d s  other interpreters and lowest versions, beside the tests' "$seconds")")
+rm "$types" "$others" "$others.txt"
+[ "$typed" = 0 ] && [ "$commanded" = 0 ] || exit 1
 exit "$status"

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import errno
+import io
 import json
 import os
+import re
 import resource
 import signal
 import stat
 import subprocess
 import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +55,24 @@ def spawn(*args: str, **how: Any) -> subprocess.CompletedProcess[str]:
 
 
 # Messages.
+
+
+def test_names_and_messages_command_no_terminal(folder: Path, capsys: Any) -> None:
+    """Escape sequences and ends of lines are shown as \\x1b and \\n."""
+    Image.new("RGB", (4, 4), (9, 90, 200)).save("a\n\x1b[31m#error\x9b.png")
+    (folder / "odd\x1b[2J.py").write_text(
+        "import raymarch as rm\nprint('hello')\n"
+        "scene = rm.sphere(1).material(rm.Material(rm.triplanar('a\\n\\x1b[31m#error\\x9b.png')))\n"
+    )
+    (folder / "wrong\x1b[2J\n.py").write_text("raise ValueError('bad\\x1b[2J\\n')\n")
+    assert run("explain", "wrong\x1b[2J\n.py") == 2
+    assert run("explain", "odd\x1b[2J.py", "--json") == 0
+    said = capsys.readouterr()
+    assert "\x1b" not in said.err and said.err.count("\n") == 2 and "\\x1b[2J\\n.py:1" in said.err
+    assert "\x1b" not in json.loads(said.out)["glsl"] and said.err.endswith("hello\n")
+    assert run("export", "odd\x1b[2J.py", "-o", "a.glsl") == 0 and "\x1b" not in capsys.readouterr().err
+    exported = (folder / "a.glsl").read_text()
+    assert "\x1b" not in exported and not re.search(r"^\W*#error", exported, re.M) and "\x9b" not in exported
 
 
 @pytest.mark.parametrize("line", [100, 1234])
@@ -138,8 +161,8 @@ def test_a_picture_that_cannot_be_written_leaves_the_old_one(
 ) -> None:
     (folder / "hello.png").write_bytes(b"old")
 
-    def save(self: Image.Image, file: Path, kind: str, **_: Any) -> None:
-        Path(file).write_bytes(b"half")
+    def save(self: Image.Image, file: io.BytesIO, kind: str, **_: Any) -> None:
+        file.write(b"half")
         raise fault
 
     monkeypatch.setattr(Image.Image, "save", save)
@@ -147,6 +170,18 @@ def test_a_picture_that_cannot_be_written_leaves_the_old_one(
     message = capsys.readouterr().err
     assert message.startswith("raymarch: cannot write 'hello.png': ") and str(fault.args[-1]) in message
     assert names(folder) == {"hello.py", "hello.png"} and (folder / "hello.png").read_bytes() == b"old"
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".webp", ".tif", ".bmp", ".gif"])
+def test_a_disk_that_takes_a_part_of_a_picture(folder: Path, suffix: str, capsys: Any) -> None:
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
+    try:
+        frames = ("--frames", "0:1") if suffix == ".gif" else ()
+        assert run("render", "hello.py", "-o", f"a{suffix}", "--size", "40x30", *frames) == 2
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert capsys.readouterr().err.startswith("raymarch: cannot write 'a") and names(folder) == {"hello.py"}
 
 
 def test_a_format_with_a_limit_of_its_own(folder: Path, capsys: Any) -> None:
@@ -179,6 +214,75 @@ def test_every_format_takes_pictures_and_heat_maps(folder: Path, ending: str, vi
     assert wrong.mean() <= (8 if ending in (".jpg", ".jpeg", ".webp") else 0)
 
 
+def size_of(file: Any) -> tuple[int, int]:
+    with Image.open(file) as picture:
+        return picture.size
+
+
+def test_an_output_keeps_its_link_its_mode_and_its_kind(folder: Path) -> None:
+    (folder / "real.png").write_text("old")
+    (folder / "real.png").chmod(0o600)
+    (folder / "link.png").symlink_to("real.png")
+    (folder / "loose.png").symlink_to("new.png")
+    for name in ("link.png", "loose.png"):
+        assert run("render", "hello.py", "-o", name, *SMALL) == 0 and (folder / name).is_symlink()
+    assert size_of("real.png") == size_of("new.png") == (16, 9)
+    assert stat.S_IMODE((folder / "real.png").stat().st_mode) == 0o600
+    os.mkfifo("pipe.png")
+    with ThreadPoolExecutor(1) as threads:
+        read = threads.submit((folder / "pipe.png").read_bytes)
+        assert run("render", "hello.py", "-o", "pipe.png", *SMALL) == 0
+        assert size_of(io.BytesIO(read.result())) == (16, 9)
+    assert (folder / "pipe.png").is_fifo() and not [name for name in names(folder) if name.startswith(".")]
+
+
+def folder_in_its_place(folder: Path) -> str:
+    (folder / "a.png").mkdir()
+    return "a.png"
+
+
+def read_only_file(folder: Path) -> str:
+    (folder / "a.png").write_text("mine")
+    (folder / "a.png").chmod(0o444)
+    return "a.png"
+
+
+def full_device(folder: Path) -> str:
+    (folder / "a.png").symlink_to("/dev/full")
+    return "a.png"
+
+
+def endless_link(folder: Path) -> str:
+    (folder / "a.png").symlink_to("a.png")
+    return "a.png"
+
+
+PLACES: list[Callable[[Path], str]] = [
+    folder_in_its_place, read_only_file, full_device, endless_link, lambda _: "no/a.png", lambda _: "hello.py/a.png",
+    lambda _: "a" * 252 + ".png", lambda _: "a" * 245 + ".gif",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_a_place_that_takes_no_picture_is_one_line(
+    place: Callable[[Path], str], folder: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "access", lambda file, mode: os.stat(file).st_mode & 0o222)  # as for a user who is not root
+    name = place(folder)
+    before = names(folder)
+    assert run("render", "hello.py", "-o", name, *SMALL, *(("--frames", "0:2") if ".gif" in name else ())) == 2
+    assert capsys.readouterr().err.count("\n") == 1 and names(folder) == before
+
+
+def test_an_interrupted_command_leaves_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def save(*_: object) -> None:
+        assert any(name.startswith(".raymarch.") for name in names(folder))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(import_module("raymarch.export.stills"), "save", save)
+    assert run("render", "hello.py", *SMALL) == 130 and names(folder) == {"hello.py"}
+
+
 # Many frames.
 
 
@@ -206,8 +310,8 @@ def test_frames_are_a_time_apart(folder: Path) -> None:
 
 @pytest.mark.parametrize("stop", [KeyboardInterrupt, SystemExit(3)])
 def test_a_stop_on_the_way_leaves_no_half_file(folder: Path, stop: Any, monkeypatch: Any) -> None:
-    def save(self: Image.Image, file: Path, kind: str, **_: Any) -> None:
-        Path(file).write_bytes(b"half")
+    def save(self: Image.Image, file: io.BytesIO, kind: str, **_: Any) -> None:
+        file.write(b"half")
         raise stop
 
     monkeypatch.setattr(Image.Image, "save", save)
@@ -428,6 +532,15 @@ def test_closed_and_full_streams_leave_the_exit_code(folder: Path, redirection: 
     assert ("hello.png" in names(folder)) == (code == 0 and "render" in words)
 
 
+def test_processes_of_a_command_have_the_streams_that_were_closed() -> None:
+    """A worker of a cluster without a stream of errors could draw nothing."""
+    child = [sys.executable, "-c", "import sys; sys.stderr.write(sys.stdin.read())"]
+    code = f"import subprocess, raymarch.cli.common as c; c._open_closed_streams(); subprocess.run({child}, check=True)"
+    command = 'exec "$0" -c "$1" <&- >&- 2>&-'
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    assert subprocess.run(["bash", "-c", command, sys.executable, code], env=environment).returncode == 0
+
+
 MESH = """import raymarch as rm, trimesh
 trimesh.creation.box((1, 1, 1)).export("box.stl")
 scene = rm.mesh("box.stl", resolution=8, cache="cache")
@@ -476,7 +589,8 @@ def test_ctrl_c_during_the_imports_ends_with_130(folder: Path, module: str) -> N
     assert process.returncode == 130
 
 
-def test_ctrl_c_in_a_scene_file_ends_with_130(folder: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_in_a_scene_file_ends_with_130(folder: Path, number: signal.Signals) -> None:
     text = "import sys, time\nprint('here', file=sys.stderr, flush=True)\ntime.sleep(60)\n"
     (folder / "slow.py").write_text(text)
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
@@ -484,7 +598,7 @@ def test_ctrl_c_in_a_scene_file_ends_with_130(folder: Path) -> None:
     with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, cwd=folder, text=True) as process:
         assert process.stderr is not None
         assert process.stderr.readline() == "here\n"
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         assert "Traceback" not in process.stderr.read()
     assert process.returncode == 130
 

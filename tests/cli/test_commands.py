@@ -192,7 +192,20 @@ def test_doctor_names_each_backend(folder, capsys):
     assert "clock" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("command", [[], ["render"], ["explain"], ["doctor"]])
+def test_prove_says_what_is_proved(folder, capsys):
+    where = ("--size", "32x18", "-o", "proof.png", "--json", "proof.json")
+    assert run("prove", "hello.py", *where, "--strict") == 0
+    assert capsys.readouterr().out.startswith("576 of 576 pixels proved at 32x18: nothing deeper than 0.05 px")
+    found = json.loads((folder / "proof.json").read_text())
+    assert found["proved"] == 576 and found["contradicted"] == found["open"] == 0 and found["within"] == "0.05px"
+    with Image.open(folder / "proof.png") as picture:
+        assert picture.size == (32, 18)
+    for wrong in (("--within", "0px"), ("--json", "proof.txt"), ("-o", "proof.jpg"), ("--size", "3")):
+        assert run("prove", "hello.py", *wrong) == 2
+        assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+@pytest.mark.parametrize("command", [[], ["render"], ["explain"], ["doctor"], ["prove"]])
 def test_help(folder, command, capsys):
     assert run(*command, "--help") == 0
     assert "Usage" in capsys.readouterr().out

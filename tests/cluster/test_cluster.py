@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import threading
 import time
@@ -11,6 +12,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import dask
+import distributed
+import matplotlib
 import pytest
 
 import raymarch as rm
@@ -31,14 +35,28 @@ from colors import RED
 ball = rm.sphere(0.5).translate((rm.time - 1, 0, 0)).material(rm.Material(color=RED))
 scene = rm.Scene(ball | rm.plane(offset=-0.5), camera=rm.Camera((0, 1, 5), (0, 0, 0)))
 """
+SIGNS = """import raymarch as rm
+from parts import ball
+left = ball().translate((rm.time - 1, 0, 0))
+sign = rm.text("A", font="own.ttf").extrude(0.2).material(rm.Material(color=(1, 0.2, 0.1)))
+scene = rm.Scene(left | sign.translate((0.7, 0, 0)) | rm.plane(offset=-0.5), camera=rm.Camera((0, 1, 5), (0, 0, 0)))
+"""
+SERIF = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSerif.ttf"
 SIZE = "32x24"
+TLS = ("tls_ca_file", "tls_client_key", "tls_client_cert")
 
 
 @pytest.fixture(scope="module")
 def client() -> Iterator[Any]:
-    """A client of a scheduler with two worker processes, which replaces a worker that does not answer in 5 seconds."""
+    """A client of a scheduler with two worker processes, which replaces a worker that does not answer in 5 seconds.
+
+    Its certificate is in Dask's configuration, so that commands find it, as they find that of a user's own cluster.
+    """
     with connected("local:2", 5.0) as made:
-        yield made
+        known = made.security
+        names = {"ca-file": known.tls_ca_file, "client.key": known.tls_client_key, "client.cert": known.tls_client_cert}
+        with dask.config.set({f"distributed.comm.tls.{name}": value for name, value in names.items()}):
+            yield made
 
 
 @pytest.fixture(autouse=True)
@@ -58,6 +76,17 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "ball.py").write_text(SCENE)
     (tmp_path / "colors.py").write_text("RED = (1, 0.2, 0.1)\n")
     return tmp_path
+
+
+def test_a_client_without_the_certificate_is_refused(client: Any) -> None:
+    """Whoever reaches the scheduler or a worker could run code as the user."""
+    addresses = [client.scheduler.address, *client.scheduler_info(n_workers=-1)["workers"]]
+    assert len(addresses) == 3 and all(address.startswith("tls://127.0.0.1:") for address in addresses)
+    plain = [distributed.Security(require_encryption=False, **dict.fromkeys(TLS)), "tcp"]
+    for security, protocol in ((distributed.Security.temporary(), "tls"), plain):
+        for address in addresses:
+            with pytest.raises((OSError, TimeoutError)):
+                distributed.Client(f"{protocol}{address[3:]}", security=security, timeout=1, set_as_default=False)
 
 
 def draw(output: str, *more: str, frames: str = "0:6") -> int:
@@ -95,6 +124,23 @@ def test_films_pictures_and_failures(
     assert sorted(files(folder) & {f"f{i}.png" for i in range(6)}) == [f"f{i}.png" for i in (0, 1, 2, 4, 5)]
     assert "raymarch: frame 3 cannot be drawn: ball.py:4: " in told
     assert told.splitlines()[-1] == "raymarch: 1 of 6 frames could not be drawn (see above)"
+
+
+def test_a_scene_is_drawn_wherever_its_file_lies(folder: Path, client: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By its absolute path, from another folder and through a linked folder, with a sibling and a font beside it."""
+    here = folder / "two words"
+    here.mkdir()
+    shutil.copy(SERIF, here / "own.ttf")
+    (here / "parts.py").write_text("import raymarch as rm\ndef ball():\n    left = rm.sphere(0.5)\n    return left\n")
+    (here / "signs.py").write_text(SIGNS)
+    (folder / "linked").symlink_to(here)
+    (folder / "other").mkdir()
+    monkeypatch.chdir(folder / "other")
+    drawn = []
+    for k, path in enumerate((here / "signs.py", here / "signs.py", "../two words/signs.py", "../linked/signs.py")):
+        made = rm.render_frames(path, range(2), 2, (32, 24), f"{k}_{{}}.png", None if k == 0 else client)
+        drawn.append([file.read_bytes() for file in made])
+    assert drawn[1:] == drawn[:1] * 3 and len(set(drawn[0])) == 2
 
 
 @pytest.mark.parametrize("also_hung", [False, True], ids=["killed", "killed and hung"])

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import importlib
+import io
 import os
 import pickle
+import shutil
 import sys
+import threading
 from dataclasses import replace
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pytest
 from PIL import Image
@@ -16,10 +21,12 @@ import raymarch as rm
 from raymarch.cluster.connect import check_address
 from raymarch.cluster.frames import failures, shares_of
 from raymarch.cluster.machines import Machine, accepted, libraries, package
-from raymarch.cluster.source import of_file, of_scene
+from raymarch.cluster.source import PREFIX, of_file, of_scene, without_folder
 from raymarch.cluster.worker import Refused
 from raymarch.export.sequence import Item
 from raymarch.gpu.context import Driver
+from raymarch.plan import plan
+from raymarch.shader import assemble
 from tests.support.commands import files, run
 
 SCENE = """import raymarch as rm
@@ -39,11 +46,111 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+MOVED = """import os
+import sys
+import raymarch as rm
+from parts import pair
+ball = rm.sphere(float(sys.stdin.read())).translate((0, 2, 0))
+left = rm.text("L", font="own.ttf", resolution=16).extrude(0.1) | ball
+os.chdir(os.path.join(os.path.dirname(os.path.abspath(__file__)), "maps"))
+right = rm.text("R", font="../own.ttf", resolution=16).extrude(0.1).material(rm.Material(color=rm.planar("dots.png")))
+scene = rm.Scene(left | right.translate((3, 0, 0)) | pair() | rm.plane(offset=-1))
+"""
+PARTS = """import raymarch as rm
+def pair():
+    left = rm.sphere(0.4) | rm.box()
+    right = left.translate((0, 0, 2))
+    return left.rotate(0.3) | right
+"""
+SERIF = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSerif.ttf"
+
+
+def text_of(scene: rm.Scene) -> str:
+    return assemble(plan(scene)).text()
+
+
+def test_one_scene_is_one_text_wherever_its_file_lies(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By all paths and links, from other folders, sent to a worker and pickled; with a sibling, a font and a pipe."""
+    here = folder / "two words" / "scenes"
+    shutil.copytree(folder / "scenes", here)
+    shutil.copy(SERIF, here / "own.ttf")
+    (here / "moved.py").write_text(MOVED)
+    (here / "parts.py").write_text(PARTS)
+    (folder / "link.py").symlink_to(here / "moved.py")
+    (folder / "linked").symlink_to(here.parent)
+    (folder / "other").mkdir()
+    sources, texts = [], []
+    for start, path in (
+        (folder, here / "moved.py"),
+        (here, "moved.py"),
+        (folder / "other", "../two words/scenes/moved.py"),
+        (folder, "linked/scenes/moved.py"),
+        (folder / "other", "../linked/../two words/scenes/../scenes/moved.py"),
+        (folder / "linked" / "scenes", folder / "linked" / "scenes" / "moved.py"),
+    ):
+        monkeypatch.chdir(start)
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"0.75")))
+        source, scene = of_file(path)
+        assert os.getcwd() == os.path.realpath(start), "the working directory of the scene file is its own"
+        sources.append(pickle.loads(pickle.dumps(source)))
+        texts += [text_of(scene), text_of(pickle.loads(pickle.dumps(scene)))]
+    monkeypatch.chdir(folder)
+    shutil.rmtree(here)
+    texts += [text_of(source.scene()) for source in sources]
+    assert len(set(texts)) == 1 and os.getcwd() == str(folder)
+
+
+def test_a_linked_file_has_its_siblings_and_what_lies_beside_it(folder: Path) -> None:
+    shutil.copy(SERIF, folder / "scenes" / "own.ttf")
+    letters = 'rm.text("A", font="own.ttf").extrude(1)'
+    (folder / "scenes" / "ball.py").write_text(f"{SCENE}scene = rm.Scene({letters} | scene.node)\n")
+    (folder / "link.py").symlink_to(folder / "scenes" / "ball.py")
+    source, scene = of_file("link.py")
+    shutil.rmtree(folder / "scenes")
+    assert source.scene() == scene
+
+
+def test_a_scene_file_in_a_pipe_is_read_once(folder: Path) -> None:
+    os.mkfifo("pipe.py")
+    writer = threading.Thread(
+        target=Path("pipe.py").write_text, args=["import raymarch as rm\nscene = rm.sphere(0.7)\n"]
+    )
+    writer.start()
+    source, scene = of_file("pipe.py")
+    writer.join()
+    assert source.scene() == scene
+
+
+def test_modules_that_the_program_has_imported_already_are_sent(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(folder / "scenes")
+    importlib.import_module("colors")
+    try:
+        source, scene = of_file("scenes/ball.py")
+    finally:
+        del sys.modules["colors"]
+    shutil.rmtree(folder / "scenes")
+    monkeypatch.setattr(sys, "path", [p for p in sys.path if p != str(folder / "scenes")])
+    assert source.scene() == scene
+
+
+def test_the_temporary_folder_of_a_worker_is_in_no_message(folder: Path) -> None:
+    here = folder / "scenes" / "ball.py"
+    source, _ = of_file(here)
+    missing = replace(source, files={**source.files, str(here): SCENE.replace("dots", "none").encode()})
+    with pytest.raises(rm.SceneError, match=f"tried: {folder}/scenes/maps/none.png"):
+        missing.scene()
+    late = "import raymarch as rm\nscene = rm.Scene(rm.sphere(), rm.Camera((rm.time, 0, 0), (1, 0, 0)))\n"
+    scene = replace(source, files={str(here): late.encode()}).scene()
+    with rm.Renderer((8, 8)) as renderer, pytest.raises(rm.SceneError) as caught:
+        renderer.render(scene, time=1.0)
+    assert without_folder(str(caught.value)).startswith(f"{here}:2: Camera") and PREFIX in str(caught.value)
+
+
 @pytest.mark.parametrize("absolute", [False, True])
 def test_a_file_is_sent_with_all_that_it_reads(absolute: bool, folder: Path) -> None:
     path = folder / "scenes" / "ball.py" if absolute else Path("scenes/ball.py")
     source, scene = of_file(path)
-    names = {Path(name).relative_to(folder).as_posix() for name in source.files}
+    names = {Path(name).relative_to(folder).as_posix() for name, content in source.files.items() if content is not None}
     assert names == {"scenes/ball.py", "scenes/colors.py", "scenes/maps/dots.png"}
     sent = pickle.loads(pickle.dumps(source))
     assert sent.digest == source.digest and len(sent.digest) == 32

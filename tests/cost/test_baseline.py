@@ -63,10 +63,10 @@ ROWS["own"]["all_evaluations"] = 12.0
 @pytest.mark.parametrize(
     ("content", "args", "says"),
     [
-        (None, (), "no such file"),
-        ("{", (), "base.json is not a baseline"),
-        ("[]", (), "is not a baseline"),
-        ('{"format": 1, "scenes": {"hello": {"size": [1, 1]}}}', (), "is not a baseline"),
+        (None, (), "cannot read 'base.json': No such file"),
+        ("{", (), "base.json': "),
+        ("[]", (), "base.json': it is broken"),
+        ('{"format": 1, "scenes": {"hello": {"size": [1, 1]}}}', (), "base.json': it is broken"),
         ('{"format": 9, "scenes": {}}', (), "format 1"),
         ('{"format": 1, "scenes": {}}', (), "no scene 'hello'"),
         ("rows", ("--size", "64x36"), "(32, 18), as in the baseline"),
@@ -84,6 +84,33 @@ def test_wrong_input_says_so(folder, capsys, content, args, says):
     assert run("--check", "base.json", *args) == 2
     assert says in " ".join(capsys.readouterr().err.split())
     assert files(folder) <= {"hello.py", "base.json"}
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "says"),
+    [
+        ('"size": [32, 18]', '"size": [1e999, 18]', "1e999 is no finite number"),
+        ('"size": [32, 18]', '"size": ["32", 18]', "size = '32'"),
+        ('"evaluations": 9.0', '"evaluations": "9"', "own: evaluations = '9'"),
+        (
+            '"evaluations": 9.0',
+            '"evaluations": 9.0, "seconds": 1',
+            "another version wrote it, with the figures of 'own'",
+        ),
+        ('"rows": {', '"rows": {"best": {}, ', "another version wrote it, with the settings 'best, own"),
+        ('"params": {}', '"params": {"width": 1}', "unknown parameter 'width'"),
+        ('"params": {}', '"params": {"size": "1"}', "parameter 'size' = '1'"),
+        ('"params": {}', '"params": ' + 100_000 * "[", "it is broken (RecursionError"),
+        ('"time": 0.0', '"time": 1' + 400 * "0", "time = "),
+    ],
+)
+def test_a_hostile_baseline_is_named(folder, capsys, before, after, says):
+    scene = {"size": [32, 18], "time": 0.0, "params": {}, "rows": ROWS}
+    text = json.dumps({"format": 1, "scenes": {"hello": scene}})
+    (folder / "base.json").write_text(text.replace(before, after, 1))
+    assert run("--check", "base.json") == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert says in line and "base.json" in line
 
 
 @pytest.mark.skipif(os.name == "nt", reason="folders cannot be read elsewhere")

@@ -9,6 +9,7 @@ import json
 import re
 import sys
 from copy import deepcopy
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -55,6 +56,7 @@ def test_a_figure_is_drawn(drawn, made):
         assert picture.size[0] > 1500
         colors = len(picture.convert("RGB").getcolors(picture.width * picture.height))
     assert colors > 50
+    made = replace(made, name="$\\frac$\x1b\udcff")  # of a scene file
     assert save(figure(made, "flip_p99"), "svg").lstrip().startswith(b"<?xml")
 
 

@@ -12,6 +12,7 @@ import runpy
 import shlex
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -210,3 +211,19 @@ def test_the_tutorial_has_ten_steps_that_go_on_from_each_other():
     assert all(GALLERY["docstring"](file)[0].count("\n\n") >= 1 for file in steps)
     used = [set(COUNTS[GALLERY["name_of"](file)]["plan"]["used"]) for file in steps]
     assert "hard shadows" in used[4] and "glass" in used[9] and len(used[9]) > len(used[0])
+
+
+def test_the_licences_of_all_dependencies_are_listed():
+    """Of each package that pyproject.toml names, the licence that the installed one states."""
+    made = runpy.run_path(str(ROOT / "docs" / "licences.py"))
+    shown = (ROOT / "docs" / "licences.md").read_text()
+    assert shown.startswith(made["HEAD"])
+    rows = dict(re.findall(r"^\| [^|]+ \| ([\w-]+) \| (.+) \|$", shown, re.MULTILINE))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    for group in ("needed", *(extra for extra in extras if extra not in made["OURS"])):
+        for requirement in project["dependencies"] if group == "needed" else extras[group]:
+            name = made["name_of"](requirement)
+            known, stated = (re.sub(r"[- ].*", "", words) for words in (rows[name], made["licence"](name)))
+            assert known == stated, f"{name}: run python docs/licences.py"
+    assert "not stated" not in rows.values()

@@ -62,7 +62,8 @@ def test_what_stands_there_runs(names: str, call: str, tmp_path: Path, monkeypat
 
 @pytest.mark.parametrize("code", re.findall(r"`([^`]+)`", TERMS))
 def test_the_rendering_terms_run(code: str) -> None:
-    assert eval(code, {"rm": rm, "n": 2, "Quality": rm.Quality, "Scene": lambda **given: rm.Scene(rm.box(), **given)})
+    given = {"rm": rm, "n": 2, "Quality": rm.Quality, "Scene": lambda **given: rm.Scene(rm.box(), **given)}
+    assert eval(code, given) is not None
 
 
 def test_the_present_names_exist() -> None:

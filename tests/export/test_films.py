@@ -7,13 +7,19 @@ import signal
 import subprocess
 import sys
 import time
+import weakref
+from collections.abc import Iterator
+from contextlib import nullcontext
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageSequence
 
 import raymarch as rm
+from raymarch.export.film import write_film
+from raymarch.export.sequence import Parts, frames_of
 from tests.support.commands import files, run
 
 SCENE = """import raymarch as rm
@@ -40,9 +46,11 @@ def drawn(capsys: pytest.CaptureFixture[str]) -> int:
 
 
 @pytest.mark.parametrize("name", ["film.mp4", "film.webm", "film.gif"])
-def test_a_film_has_all_frames_and_the_same_bytes(name: str, folder: Path) -> None:
+def test_a_film_has_all_frames_and_the_same_bytes(
+    name: str, folder: Path, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
     av = pytest.importorskip("av")
-    assert draw(name) == 0
+    assert draw(name) == 0 and "options" not in capfd.readouterr().err + caplog.text
     first = (folder / name).read_bytes()
     assert files(folder) == {"ball.py", name}
     assert draw(name) == 0 and (folder / name).read_bytes() == first
@@ -117,7 +125,7 @@ def test_a_film_that_was_killed_continues_to_the_same_bytes(folder: Path) -> Non
     [
         (("-o", "film.mp4"), "a film 'film.mp4' without --frames (--frames A:B"),
         (("-o", "film.mp4", "--frames", "0:2", "--size", "33x20"), "33x20 for a .mp4 film (even width and height"),
-        (("-o", "film.gif", "--frames", "0:2", "--fps", "120"), "fps = 120 for a .gif (up to 100"),
+        (("-o", "film.gif", "--frames", "0:2", "--fps", "120"), "fps = 120 for a .gif (from 0.002 to 100)"),
         (("-o", "no/film.mp4", "--frames", "0:2"), "cannot write 'no/film.mp4': no such folder"),
         (("-o", "film.avi", "--frames", "0:2"), "cannot write 'film.avi' (a file ending in .png"),
         (("-o", "film.png", "--frames", "0:2"), "--frames with the output 'film.png' (a film (.mp4, .webm, .gif), or"),
@@ -128,3 +136,96 @@ def test_what_is_no_film_is_refused(
 ) -> None:
     assert run("render", "ball.py", *options) == 2
     assert message in capsys.readouterr().err and files(folder) == {"ball.py"}
+
+
+# What else is there
+
+
+@pytest.mark.parametrize("name", ["film.gif", "film.mp4"])
+def test_other_files_in_the_folder_of_frames_stay_and_are_named(
+    name: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parts = folder / f"{name}.frames"
+    parts.mkdir()
+    for other in ("notes.txt", "frame_000000.png", ".raymarch.0123"):
+        (parts / other).write_text("mine")
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(ZeroDivisionError):
+        patch.setattr(import_module("raymarch.export.film"), "_write_gif", lambda *_: [*_[1], 1 / 0])
+        patch.setattr(import_module("raymarch.export.film"), "_write_video", lambda *_: [*_[2], 1 / 0])
+        draw(name)  # a film that is not completed: its frames stay
+    kept = {file.name for file in parts.iterdir()}
+    assert len(kept) == 8
+    capsys.readouterr()
+    assert draw(name, "--view", "normal", frames="0:2") == 0
+    assert {file.name for file in parts.iterdir()} == kept  # what begins with .raymarch. was left by a killed command
+    assert f"'{name}.frames' keeps 8 files of other runs or of yours: 'frame_000000" in capsys.readouterr().err
+    assert draw(name) == 0 and {file.name for file in parts.iterdir()} == {"notes.txt", "frame_000000.png"}
+
+
+def test_other_files_in_the_folder_of_tiles_stay(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(import_module("raymarch.export.sequence"), "LARGE", 100)
+    render = import_module("raymarch.cli.render")
+    monkeypatch.setattr(render, "EDGE", 16)
+    command = ("render", "ball.py", "-o", "a.png", "--size", "32x20")
+    assert run(*command) == 0 and files(folder) == {"ball.py", "a.png"}
+    (folder / "a.png.tiles").mkdir()
+    (folder / "a.png.tiles" / "tile_000000_000000.png").write_text("mine")
+    assert run(*command) == 0 and "keeps 1 files" in capsys.readouterr().err
+    assert [file.read_text() for file in (folder / "a.png.tiles").iterdir()] == ["mine"]
+    monkeypatch.setattr(render, "draw", lambda *_: 1 / 0)
+    (folder / "a.png.tiles" / "tile_000000_000000.png").unlink()
+    with pytest.raises(ZeroDivisionError):
+        run(*command)
+    assert files(folder) == {"ball.py", "a.png"}
+
+
+def test_two_commands_do_not_write_one_film(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    items = frames_of(Path("film.gif"), range(2), 3, (32, 20))
+    with Parts(items, Path("film.gif")):
+        assert draw("film.gif") == 2
+        assert capsys.readouterr().err == "raymarch: another command is writing 'film.gif' (another name)\n"
+    assert draw("film.gif") == 0 and files(folder) == {"ball.py", "film.gif"}
+
+
+@pytest.mark.parametrize("name", ["a_{{}}.png", "a_%%.png", "a_{:.0e}.png", "a_{0.real.__class__}.png", "%c.png"])
+def test_a_name_without_the_number_of_the_frame_is_refused(
+    name: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert draw(name, frames="47:49") == 2 and capsys.readouterr().err.count("\n") == 1 and files(folder) == {"ball.py"}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("film.gif", "--fps", "0.001"), "fps = 0.001 for a .gif (from 0.002 to 100)"),
+        (("film.mp4", "--fps", "1e9"), "fps = 1e+09 for a .mp4 (from 0.001 to 1000)"),
+        (("f{}.png", "--frames", "0:99999999"), "--frames: 99999999 frames (up to 200000; more in several files)"),
+    ],
+)
+def test_numbers_of_a_film_out_of_range_are_refused(
+    options: tuple[str, ...], message: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert draw(*options) == 2 and message in capsys.readouterr().err and files(folder) == {"ball.py"}
+
+
+@pytest.mark.parametrize("suffix", [".gif", ".mp4"])
+def test_a_film_has_one_picture_in_memory(suffix: str, tmp_path: Path) -> None:
+    alive: list[weakref.ref[Image.Image]] = []
+
+    def pictures() -> Iterator[Image.Image]:
+        for i in range(12):
+            picture = Image.new("RGB", (32, 20), (20 * (i // 2), 9, 9))
+            alive.append(weakref.ref(picture))
+            assert sum(made() is not None for made in alive) <= 2
+            yield picture
+
+    write_film(tmp_path / "film", suffix, pictures(), 10)
+    with Image.open(tmp_path / "film") if suffix == ".gif" else nullcontext() as film:
+        if film is not None:
+            shown = [
+                (frame.convert("RGB").getpixel((5, 5)), frame.info["duration"])
+                for frame in ImageSequence.Iterator(film)
+            ]
+            assert shown == [((20 * i, 9, 9), 200) for i in range(6)]

@@ -76,7 +76,9 @@ def test_a_page_is_small_and_needs_no_network(name: str, tmp_path: Path) -> None
     text = file.read_text()
     assert len(text) - sum(len(t["bytes"]) for t in data["textures"]) - len(data["source"]) < LIMIT
     assert not re.search(r"(?:src|href|url|import|fetch)\s*[=(]", text.replace(data["source"], "").split("<body>")[0])
-    assert "http" not in text.partition("<body>")[0] and "fetch(" not in text
+    head = text.partition("<body>")[0]
+    assert not re.search("https?:", head) and "fetch(" not in text
+    assert "Content-Security-Policy\" content=\"default-src 'none'" in head
 
 
 def test_a_structure_is_not_chosen_by_a_conditional_operator(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from raymarch.scene import load
 from raymarch.scene.parameter import set_values
 from raymarch.truth.field import Field
 from tests.export.test_shaders import EXAMPLES
+from tests.support import chromium
 from tests.support.commands import files
 from tests.support.wgsl_device import Device
 
@@ -100,15 +101,47 @@ def test_lights_and_materials_have_their_values(device: Device, tmp_path: Path) 
     np.testing.assert_allclose(got[:, :3], np.array([8, 4, 2]) / away**2, rtol=1e-5)
 
 
-@pytest.mark.parametrize("name", ["village", "primitives", "papers/glass", "papers/lights", "showcase/lanterns"])
+@pytest.mark.parametrize(
+    "name", ["village", "primitives", "papers/glass", "papers/lights", "papers/smoothing", "showcase/lanterns"]
+)
 def test_the_compiler_takes_examples(name: str, device: Device, tmp_path: Path) -> None:
-    device.compile(text(load(EXAMPLES / f"{name}.py"), tmp_path))
+    assert device.refused(text(load(EXAMPLES / f"{name}.py"), tmp_path)) == ""
+
+
+def test_what_shaders_set_while_they_draw_is_declared(device: Device, tmp_path: Path) -> None:
+    solid = rm.sphere(0.5) | rm.box().translate((2, 0, 0)).visible(camera=False) | rm.plane(offset=-0.5)
+    scene = rm.Scene(solid, occlusion=rm.AmbientOcclusion(3), sky=rm.GradientSky(light=True))
+    code = text(scene, tmp_path)
+    points = np.random.default_rng(4).uniform((1.4, -0.4, -0.6), (2.6, 0.6, 0.6), (64, 3)).astype(np.float32)
+    x, y, z = points.T.astype(float)
+    others = np.minimum(np.sqrt(x * x + y * y + z * z) - 0.5, y + 0.5)
+    q = np.abs([x - 2, y, z]) - 0.5
+    box = np.linalg.norm(np.maximum(q, 0), axis=0) + np.minimum(q.max(axis=0), 0)
+    for kind, wanted in ((0, others), (1, np.minimum(others, box)), (2, np.minimum(others, box))):
+        got = computed(device, code, "vec4f(field(p))", points, f"ray_kind = {kind}.0;")[:, 0]
+        np.testing.assert_allclose(got, wanted, atol=2e-6)
+    open_, closed = (
+        computed(device, code, "vec4f(ambient_occlusion(p, vec3f(0, 1, 0)))", points, f"u_side = {side}.0;")
+        for side in (1, -1)
+    )
+    assert np.any(open_ != closed)
+
+
+@pytest.mark.may_skip
+@pytest.mark.skipif(chromium.find() is None, reason="there is no Chromium")
+def test_the_compiler_of_a_browser_takes_examples(tmp_path: Path) -> None:
+    tint = chromium.Tint()
+    try:
+        for name in ("papers/soft_shadows", "showcase/plates", "village"):
+            assert tint.refused(text(load(EXAMPLES / f"{name}.py"), tmp_path)) == ""
+        assert "undeclared" in tint.refused("fn f() -> f32 { return undeclared; }")
+    finally:
+        tint.close()
 
 
 def test_the_compiler_finds_faults(device: Device, tmp_path: Path) -> None:
     code = text(rm.Scene(rm.box()), tmp_path)
-    with pytest.raises(RuntimeError, match="lengths"):
-        device.compile(code.replace("length(", "lengths(", 1))
+    assert "lengths" in device.refused(code.replace("length(", "lengths(", 1))
 
 
 def test_what_wgsl_cannot_hold_is_refused(tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cProfile
 import gc
 import math
 import weakref
@@ -286,41 +285,6 @@ def test_the_turn_of_a_loop_may_not_leave_it() -> None:
 
     with pytest.raises(SceneError, match="from outside its own parameters"):
         trace("leaking", leaking, [("x", FLOAT)])
-
-
-def test_local_names_are_kept_for_the_text() -> None:
-    def named(p: Expr) -> Expr:
-        half_way = p * 0.5
-        inner = [v.length(half_way - k) for k in (1.0, 2.0)]
-        return inner[0] + inner[1]
-
-    traced = trace("named", named, [("p", VEC3)])
-    assert traced.names[traced.params[0]] == "p"
-    assert "half_way" in traced.names.values()
-
-
-def test_tracing_leaves_the_profiler_as_it_was() -> None:
-    import sys
-
-    def broken(x: Expr) -> Expr:
-        raise RuntimeError("on purpose")
-
-    before = sys.getprofile()
-    with pytest.raises(RuntimeError, match="on purpose"):
-        trace("broken", broken, [("x", FLOAT)])
-    assert sys.getprofile() is before
-
-
-def test_a_scene_may_be_profiled() -> None:
-    """The object of cProfile is no function: handed back as one, it broke the next call in the program."""
-    profiler = cProfile.Profile()
-    profiler.enable()
-    try:
-        trace("profiled", lambda a: v.sin(a) + 1, [("a", FLOAT)])
-        math.gcd(12, 18)
-    finally:
-        profiler.disable()
-    assert any("gcd" in str(entry.code) for entry in profiler.getstats())
 
 
 def test_inlining_gives_the_same_values() -> None:

@@ -155,13 +155,13 @@ def test_a_loop_reads_as_a_person_would_write_it() -> None:
     assert text(trace("folded", folded, [("p", VEC3)])) == (
         "float folded(vec3 p) {\n"
         "    vec3 q = p;\n"
-        "    float scale = 1.0;\n"
+        "    float d = 1.0;\n"
         "    for (int i = 0; i < 8; i++) {\n"
         "        if (length(q) > 4.0) break;\n"
         "        q = abs(q) * 2.0 - 1.0;\n"
-        "        scale = scale * 2.0;\n"
+        "        d = d * 2.0;\n"
         "    }\n"
-        "    return length(q) / scale;\n"
+        "    return length(q) / d;\n"
         "}\n"
     )
 
@@ -271,6 +271,11 @@ def test_names_that_are_taken_are_left_alone() -> None:
     lump = Function("shade", (A,), A + 1.0)
     printed = print_functions([Function("field", (A,), lump(A))], taken={"shade", "shade2"})
     assert printed.names[lump] not in {"shade", "shade2"}
+
+
+def test_letters_that_glsl_lacks_make_different_uniforms() -> None:
+    printed = text(Function("f", (A,), A + Param("é", 1.0) * Param("è", 1.0) * Param("e", 1.0)))
+    assert printed.isascii() and all(name in printed for name in ("u_xe9", "u_xe8", "u_e"))
 
 
 def test_a_local_variable_does_not_hide_a_function(egl: Context) -> None:

@@ -9,7 +9,7 @@ from raymarch.errors import SceneError
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.function import Function
 from raymarch.expr.intervals import interval_of
-from raymarch.expr.node import const, var
+from raymarch.expr.node import const, make, var
 from raymarch.expr.tables import MOST, WIDTH, Table, fetch
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.gpu.context import Context
@@ -34,11 +34,12 @@ def test_a_texel_is_that_of_its_index(egl: Context, channels: int) -> None:
     np.testing.assert_array_equal(evaluate(egl, function, [index]), wanted)
 
 
-def test_its_interval_holds_all_texels() -> None:
+def test_its_interval_holds_the_texels_of_the_index() -> None:
     data = table(4)
-    low, high = interval_of(fetch(data, const(3.0)))
-    np.testing.assert_array_equal(low, data.values.min(axis=0))
-    np.testing.assert_array_equal(high, data.values.max(axis=0))
+    for index, rows in ((const(3.0), data.values[3:4]), (make("time", FLOAT), data.values)):
+        low, high = interval_of(fetch(data, index))
+        np.testing.assert_array_equal(low, rows.min(axis=0))
+        np.testing.assert_array_equal(high, rows.max(axis=0))
 
 
 def test_equal_content_is_an_equal_table() -> None:

@@ -60,6 +60,23 @@ def test_render_warns_of_an_empty_picture():
         rm.render(rm.Scene(rm.sphere(), AWAY), (32, 20), strict=True)
 
 
+@pytest.mark.parametrize(
+    ("node", "time", "params", "words"),
+    [
+        (rm.sphere().translate((10 * rm.time, 0, 0)), 5, {}, r"lies between \(49, -1, -1\) and \(51, 1, 1\)"),
+        (rm.sphere().translate((rm.Param("x", 0.0), 0, 0)), 0, {"x": -50.0}, "lies between"),
+        (rm.sphere().rotate(1, "z").translate((rm.time, 0, 0)) & rm.box().scale(1 + rm.time**2), 8, {}, "lies between"),
+        (rm.sphere().translate((rm.time, 0, 0)) & rm.sphere().translate((-rm.time, 0, 0)), 5, {}, "the solid is empty"),
+    ],
+)
+def test_a_solid_that_moved_out_is_doubted(context, node, time, params, words):
+    with rm.Renderer((32, 20), context=context, strict=True) as renderer:
+        scene = rm.Scene(node, rm.Camera((0, 0, 5), (0, 0, 0)) if time or params else AWAY)
+        renderer.render(scene)
+        with pytest.raises(rm.RenderError, match=words):
+            renderer.render(scene, time=time, params=params)
+
+
 @pytest.mark.parametrize("sky", [rm.Sky(), rm.GradientSky(), rm.SunSky(), rm.Sky(lambda d: (d.y * d.y, 0.5, 0.2))])
 def test_a_picture_of_the_sky_alone_is_known_without_a_pass(renderer, sky):
     for camera in (AWAY, rm.Camera((0, 0, 5), (3, 4, 10), fov=80)):
@@ -217,3 +234,9 @@ def test_a_camera_from_which_float32_rounds_by_pixels_is_a_doubt(renderer, away,
     assert parallel.doubts() == []
     wrong = int(np.sum(np.isfinite(frame.depth) != np.isfinite(parallel.depth)))
     assert (wrong > 20) == doubtful
+
+
+def test_the_limits_are_those_that_the_help_states():
+    words = " ".join(rm.Frame.doubts.__doc__.split())
+    assert f"over {100 * vouch.OVEREXPOSED:g} % of the picture" in words
+    assert f"more than {100 * vouch.OUT_OF_STEPS:g} % of the rays" in words

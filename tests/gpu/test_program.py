@@ -287,3 +287,39 @@ def test_blending_after_a_draw_without_it(egl: Context) -> None:
         program.draw(target, {"u_color": (1.0, 0.0, 0.25, 1.0)})
         program.draw(target, {"u_color": (0.0, 1.0, 0.25, 0.5)}, blend=True)
         np.testing.assert_allclose(target.read()[0, 0, :3], (0.5, 0.5, 0.25))
+
+
+INTERRUPTED = """
+import signal
+import _moderngl
+import raymarch as rm
+
+class Stop(Exception):
+    pass
+
+def stop(*_):
+    raise Stop
+
+def interrupting(*args):
+    while due:
+        signal.raise_signal(due.pop())
+    return made(*args)
+
+made, _moderngl.make_uniform = _moderngl.make_uniform, interrupting
+signal.signal(signal.SIGTERM, stop)
+scene = rm.Scene(rm.sphere(rm.Param("radius", 1, 0.5, 2)))
+with rm.Renderer((8, 8), "BACKEND") as renderer:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        due = [number]
+        try:
+            renderer.render(scene)
+        except (KeyboardInterrupt, Stop) as found:
+            print(type(found).__name__)
+    print(renderer.render(scene).color.any() and signal.getsignal(signal.SIGTERM) is stop)
+"""
+
+
+@pytest.mark.parametrize("backend", ["egl", "osmesa"])
+def test_signals_wait_while_a_program_is_made(interpreter: Any, backend: str) -> None:
+    """moderngl calls Python for each uniform, where handlers of signals run; it does not survive their exceptions."""
+    assert interpreter(INTERRUPTED.replace("BACKEND", backend), None).split() == ["KeyboardInterrupt", "Stop", "True"]

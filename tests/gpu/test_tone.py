@@ -12,12 +12,12 @@ from typer.testing import CliRunner
 import raymarch as rm
 from raymarch.cli.commands import app
 from raymarch.expr.arrays import evaluator, row_blocks
+from raymarch.expr.images import read_image
 from raymarch.expr.srgb import linear_to_srgb, srgb_glsl, srgb_to_linear
 from raymarch.expr.types import FLOAT
 from raymarch.gpu.context import Context
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Target
-from raymarch.scene.images import read_image
 from raymarch.scene.tone import COLOR, CURVES, ToneMapping, _steps, encode
 from tests.support.glsl_harness import run
 from tests.support.refusals import refused

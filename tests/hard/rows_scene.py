@@ -43,12 +43,16 @@ def smooth_chain(world: World) -> Iterator[Figure]:
 
 @case(9, "k is 0")
 def no_blend(world: World) -> Iterator[Figure]:
-    """A blend of width 0 computes 0/0 and the object vanishes. It is compiled to the plain union."""
+    """A blend of width 0 computes 0/0 and the object vanishes. It is compiled to the plain union. A parameter may make
+    it 0, but not less."""
     same = rm.union(*BOTH, k=0).glsl() == (BOTH[0] | BOTH[1]).glsl()
     yield Figure("texts that differ from the plain union", not same, 0, "no blend: the plain union")
     plain, none = (world.draw(rm.Scene(node), outputs=("color",)) for node in (BOTH[0] | BOTH[1], rm.union(*BOTH, k=0)))
     yield Figure("8-bit steps between the pictures", bytes_off(plain, none), 0, "the same text")
-    yield refusals((lambda: rm.union(*BOTH, k=rm.Param("k", 0.5, 0.0, 1.0)), ("k = ", "> 0")))
+    points = np.random.default_rng(0).uniform(-2.0, 2.0, (2000, 3))
+    apart = rm.union(*BOTH, k=rm.Param("k", 0.0, 0.0, 1.0)).distance(points) - (BOTH[0] | BOTH[1]).distance(points)
+    yield Figure("distance from the plain union for a parameter of 0", float(np.abs(apart).max()), 1e-15, "its ulp")
+    yield refusals((lambda: rm.union(*BOTH, k=rm.Param("k", 0.5, -0.1, 1.0)), ("k = ", "> 0")))
 
 
 @case(10, "k below 0")

@@ -1,6 +1,7 @@
 """Objects as rows of a table: which objects, and the field that cells give against that of all objects."""
 
 import io
+import tracemalloc
 from collections import OrderedDict
 from dataclasses import fields
 
@@ -21,6 +22,7 @@ from raymarch.scene.scene import all_nodes
 from raymarch.sdf.labels import rows_of
 from raymarch.sdf.rows import Rows
 from raymarch.shader import assemble
+from tests.support.arrangements import ARRANGEMENTS, RADIUS, arranged
 
 
 def objects(n, seed=0, size=1.0, materials=False, extra=0.0):
@@ -86,6 +88,23 @@ def test_a_cell_asks_every_object_that_decides_in_it(n):
     node = rm.union(*objects(n))
     near = assert_same(node, np.concatenate([at, onto(node, at, 0.05)]))
     assert 0.3 < near.mean() < 0.7
+
+
+@pytest.mark.parametrize(("name", "k"), [*((name, 0.0) for name in ARRANGEMENTS), ("line", 0.005)])
+def test_memory_grows_as_the_objects_do_whatever_their_arrangement(name, k):
+    """NumPy tells tracemalloc of its arrays."""
+    places = arranged(name, 200)
+    node = rm.union(*[rm.sphere(RADIUS).translate(place) for place in places], k=k)
+    (rows,) = gather(node, "data", 0.0).rows
+    tracemalloc.start()
+    try:
+        cells.build(rows, 0.0)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 200 * (1 << 17)
+    if name != "two groups":  # in float32, the spheres of the second are points
+        assert_same(node, places + np.random.default_rng(1).normal(scale=2 * RADIUS, size=places.shape))
 
 
 @pytest.mark.parametrize("blend", ["quadratic", "cubic", "quartic", "circular"])

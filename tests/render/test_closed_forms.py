@@ -37,7 +37,7 @@ def things(s: float = 1.0, x: Any = 0.0, marched: bool = True) -> rm.Node:
 
 def scene(node: rm.Node | None = None, **parts: Any) -> rm.Scene:
     camera = parts.pop("camera", rm.Camera((1.0, 1.7, 4.0), (0, 0.3, 0), fov=45))
-    return rm.Scene(node or things(), camera, parts.pop("lights", [SUN]), **parts)
+    return rm.Scene(things() if node is None else node, camera, parts.pop("lights", [SUN]), **parts)
 
 
 def drawn(renderer: Renderer, made: rm.Scene, analytic: bool | None = True) -> Any:

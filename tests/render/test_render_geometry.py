@@ -481,3 +481,17 @@ def test_positions_are_those_of_the_hits_also_far_from_the_origin(renderer: rm.R
         error = np.abs(frame.position - expected)[hit]
         assert hit.any() and error.max() <= 8 * np.spacing(np.float32(place + 8))
         assert np.isnan(frame.position[~hit]).all()
+
+
+def test_a_camera_a_ten_thousandth_of_a_radius_above_a_torus(renderer: rm.Renderer) -> None:
+    """Rays along the surface take up to 2,200 steps. Those that ran out of 512 showed a surface that they pass."""
+    renderer.resize((96, 54))
+    up = np.array((0.94, 0.34, 0.0)) / np.linalg.norm((0.94, 0.34, 0.0))
+    foot = (0.9, 0.0, 0.0) + 0.1001 * up
+    camera = rm.Camera(tuple(foot), tuple(foot + 0.05 * up - (0, 0, 1)), tuple(up), fov=30)
+    scene = rm.Scene(rm.torus(0.9, 0.1), camera, lights=[])
+    frame = renderer.render(scene, outputs=("depth", "iterations"))
+    wrong = np.isfinite(frame.depth) != rm.truth(scene, renderer.size, outputs=()).hit
+    assert frame.iterations.max() > 1000 and wrong.sum() <= 2
+    short = scene.replace(quality=rm.Quality(max_steps=100))
+    assert renderer.render(short, outputs=("iterations",)).iterations.max() == 100

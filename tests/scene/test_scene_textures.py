@@ -165,7 +165,7 @@ def test_what_is_wrong_is_named(case: int) -> None:
 
 def test_a_broken_file_is_named(tmp_path: Path) -> None:
     (tmp_path / "b.png").write_bytes(b"\x89PNG\r\n\x1a\n and no more")
-    refused(lambda: rm.triplanar(tmp_path / "b.png"), "b.png", "cannot be read")
+    refused(lambda: rm.triplanar(tmp_path / "b.png"), "b.png", "cannot read")
 
 
 def test_a_map_of_another_size_than_the_albedo_is_refused() -> None:

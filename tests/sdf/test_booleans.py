@@ -11,9 +11,12 @@ import pytest
 from raymarch.expr import const
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.function import trace
-from raymarch.expr.types import FLOAT
+from raymarch.expr.types import FLOAT, VEC3
+from raymarch.gpu.context import Context
+from raymarch.scene import Param
 from raymarch.sdf import Node, box, capsule, difference, intersection, sphere, torus, union
 from raymarch.sdf.blends import FAMILIES, smooth_min
+from tests.support.glsl_harness import run
 from tests.support.refusals import refused
 
 POINTS = np.random.default_rng(1).uniform(-2, 2, (4000, 3))
@@ -27,6 +30,13 @@ def values(*nodes: Node) -> np.ndarray:
 
 
 # Hard
+
+
+def test_a_node_has_no_truth_value() -> None:
+    """`a and b` would be b, and `not a` False: a solid would be lost without a word."""
+    for make in (lambda: A and B, lambda: A or B, lambda: not A, lambda: bool(A & B), lambda: any([A, B])):
+        refused(make, "use a & b")
+    assert [A] and A is not None and A in (A, B)
 
 
 def test_values() -> None:
@@ -164,6 +174,27 @@ def test_k_zero_is_the_hard_operation(combine: Callable[..., Node], zero: Any) -
     assert combine(A, B, C, k=zero).glsl() == combine(A, B, C).glsl()
 
 
+@pytest.mark.parametrize("combine", [union, intersection, difference])
+def test_a_parameter_may_make_k_zero(egl: Context, combine: Callable[..., Node]) -> None:
+    """The solid of the hard operation, in float64 and in GLSL; also where both distances are equal, and far away."""
+    k = Param("k", 0.0, 0, 1)
+    points = np.concatenate([POINTS, np.repeat(POINTS[:400, :1], 3, axis=1), 1e4 * POINTS[:400]])
+    hard = combine(A, A.translate((0.3, 0.3, 0.3)) | B).distance(points)
+    for name in FAMILIES:
+        node = combine(A, A.translate((0.3, 0.3, 0.3)) | B, k=k, blend=name)
+        inner = np.where((hard < 0) == (combine is union), np.sqrt(0.5), 1.0)  # those that measure the diagonal
+        for found, off in (
+            (node.distance(points), 1e-12),
+            (run(egl, node.glsl(), "field({0})", [(VEC3, points)], uniforms={"u_k": 0.0}), 1e-6),
+        ):
+            assert np.all(np.isfinite(found)), name
+            scaled = found * node.facts.divisor
+            assert np.all(np.abs(hard) * (1 - off) - off <= np.abs(scaled)), name
+            assert np.all(np.abs(scaled) * inner <= np.abs(hard) * (1 + off) + off), name
+            assert np.all((scaled < 0) == (hard < 0), where=np.abs(hard) > off), name
+    refused(lambda: combine(A, B, k=Param("k", 0.5, -1, 1)), "between -1", "> 0")
+
+
 def test_many_equal_operands_stay_within_the_bounds() -> None:
     """512 equal distances, k = .3: a tree of nine levels grows the solid by 9 k / 4 = .675."""
     blended = union(*[sphere(0.5) for _ in range(512)], k=0.3)
@@ -244,3 +275,66 @@ def test_a_far_operand_leaves_the_near_one_its_digits(blend: str, far: float) ->
     away = np.full_like(a, far)
     for given in ((a, away), (away, a)):
         assert np.abs(single(*given)[0] - a).max() < 1e-7
+
+
+# Chains
+
+
+def ribs(n: int) -> list[Node]:
+    """A plate and ribs that stand on it at right angles, far from each other."""
+    return [box((100, 4, 20)), *(box((4, 20, 10)).translate((-42 + 12 * i, 8, 0)) for i in range(n))]
+
+
+FILLETS: dict[str, Callable[[Any, Any], Any]] = {
+    "round": lambda u, v: np.hypot(1 - u, 1 - v) >= 1,
+    "chamfer": lambda u, v: u + v <= 1,
+    "circular_geometric": lambda u, v: (
+        np.hypot(*[np.maximum(0.25 / (2**0.5 - 1) - w, 0) for w in (u, v)]) >= (0.25 / (2**0.5 - 1))
+    ),
+    "quadratic": lambda u, v: np.maximum(1 - np.abs(u - v), 0) ** 2 / 4 >= np.minimum(u, v),
+}
+"""The points of a joint of width 1, by the distances u, v > 0 from its two walls."""
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("n", [1, 2, 8])
+def test_a_blend_in_a_chain_has_its_own_width(family: str, n: int) -> None:
+    """Whatever was blended before: each rib of a chain has the joint that it has alone."""
+    plate, *others = ribs(n)
+    chain = plate
+    for rib in others:
+        chain = union(chain, rib, k=1, blend=family)
+    u, v = np.random.default_rng(2).uniform(0.01, 1.2, (2, 500))
+    for i in range(0, n, 3):
+        points = np.stack([-40 + 12 * i + u, 2 + v, 0 * u], axis=1)
+        alone = union(plate, others[i], k=1, blend=family).distance(points)
+        found = chain.distance(points)
+        if family not in ("root", "exponential"):  # they act at all distances
+            np.testing.assert_array_equal((found <= 0)[np.abs(alone) > 1e-6], (alone <= 0)[np.abs(alone) > 1e-6])
+        if family in FILLETS:
+            assert np.mean((found <= 0) != FILLETS[family](u, v)) <= 0.004  # on the surface
+    if family in ("round", "circular_geometric", "chamfer"):
+        at_once = union(plate, *others, k=1, blend=family)
+        assert chain.facts.divisor <= max(at_once.facts.divisor * (1 + 1e-9), 1 + 2**0.5)
+
+
+@pytest.mark.parametrize("family", ["round", "chamfer", "columns", "circular_geometric"])
+@pytest.mark.parametrize(
+    "between",
+    [
+        lambda node: node,
+        lambda node: node - sphere(0.3).translate((0, -0.5, 2.5)),
+        lambda node: node.translate((1, 0, 0)).rotate(0.0, "y").translate((-1, 0, 0)),
+        lambda node: node.mirror((0, 0, 1)).scale(2.0).scale(0.5),
+        lambda node: node & box(12.0),
+        lambda node: node.round(0.1).offset(-0.1),
+    ],
+)
+def test_a_cut_into_a_blended_solid_has_its_own_width(family: str, between: Callable[[Node], Node]) -> None:
+    """A blend of blends: the legs of a groove are those that a plain block has."""
+    groove = box((1, 4, 20)).translate((0, 2, 0))
+    block = between(union(box((10, 2, 10)), box((2, 1, 2)).translate((4, -1, 4)), k=0.5, blend=family))
+    u, v = np.random.default_rng(3).uniform(0.001, 0.6, (2, 400))
+    points = np.stack([0.5 + u, 1 - v, 1.0 + 0 * u], axis=1)
+    found = difference(block, groove, k=0.5, blend="chamfer").distance(points)
+    assert np.mean((found > 0) != (u + v < 0.5)) <= 0.01

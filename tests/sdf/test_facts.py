@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
+from typing import Any
 
 import numpy as np
 import pytest
 
 import raymarch as rm
-from raymarch.sdf.facts import Facts
 from raymarch.sdf.pickling import pickled, remake
 from tests.support.node_samples import samples
 
 
-def as_numbers(facts: Facts) -> list[object]:
-    values = [getattr(facts, f.name) for f in fields(Facts)]
-    return [v.tolist() if isinstance(v, np.ndarray) else v for v in values]
+def as_numbers(facts: Any) -> list[object]:
+    values = [getattr(facts, f.name) for f in fields(facts)]
+    return [v.tolist() if isinstance(v, np.ndarray) else as_numbers(v) if is_dataclass(v) else v for v in values]
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

@@ -79,6 +79,15 @@ def test_a_font_is_found_by_its_family() -> None:
         rm.text("Rg", "Nowhere Sans")
 
 
+def test_a_font_that_changes_under_its_name_is_read_again(tmp_path: Path) -> None:
+    file = tmp_path / "own.ttf"
+    made = []
+    for font in (DEJAVU, DEJAVU.with_name("DejaVuSerif.ttf")):
+        file.write_bytes(font.read_bytes())
+        made.append((rm.text("R", file, resolution=16), rm.text("R", font, resolution=16)))
+    assert made[0][0] == made[0][1] != made[1][0] == made[1][1]
+
+
 def test_a_font_that_has_them_draws_them() -> None:
     """Its letters, not its sign for what is missing: two different letters are two different shapes."""
     one, other = (rm.text(letter, DEJAVU, resolution=24) for letter in "äß")

@@ -163,3 +163,27 @@ def test_a_tiny_part_of_a_mesh_is_not_taken_for_a_flat_one(tmp_path: Path) -> No
 def test_a_good_mesh_says_nothing(tmp_path: Path) -> None:
     for solid in (box(), trimesh.creation.icosphere(2), trimesh.creation.torus(0.8, 0.2)):
         mesh(saved(solid, tmp_path), resolution=24, cache=tmp_path)
+
+
+def test_text_of_another_encoding_and_a_wrong_count_are_read_or_named(tmp_path: Path) -> None:
+    text = box().export(file_type="obj")
+    (tmp_path / "latin.obj").write_bytes("# Körper für Gußformen\no Fläche\n".encode("latin-1") + text.encode())
+    assert unlike(mesh(tmp_path / "latin.obj", resolution=24, cache=tmp_path), box_distance(POINTS)) == 0.0
+    binary = bytearray(box().export(file_type="stl"))
+    binary[80] += 3
+    (tmp_path / "count.stl").write_bytes(binary)
+    with pytest.raises(SceneError, match=r"count\.stl' holds no triangles"):
+        mesh(tmp_path / "count.stl", cache=tmp_path)
+
+
+@pytest.mark.parametrize("name", ["../outside.bin", "/dev/zero", "link.bin"])
+def test_a_mesh_names_no_file_outside_of_its_folder(name: str, tmp_path: Path) -> None:
+    made = box().export(file_type="gltf")
+    buffer = next(each for each in made if each.endswith(".bin"))
+    (tmp_path / "inside").mkdir()
+    (tmp_path / "outside.bin").write_bytes(made[buffer])
+    (tmp_path / "inside" / "link.bin").symlink_to("../outside.bin")
+    scene = tmp_path / "inside" / "scene.gltf"
+    scene.write_text(made["model.gltf"].decode().replace(buffer, name))
+    with pytest.raises(SceneError, match="in its folder"):
+        mesh(scene, resolution=8, cache=tmp_path)

@@ -48,8 +48,8 @@ REFUSED: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
     "range without a lower end": (lambda: sphere(Param("r", 1.0)), ("between -inf and inf", "> 0")),
     "derived range": (lambda: sphere(1.0 - Param("r", 0.5, 0.0, 1.0)), ("between 0.0 and 1.0", "> 0")),
     "illegal blend range": (
-        lambda: union(box(), sphere(), k=Param("k", 0.1, 0.0, 1.0)),
-        ("k = an expression between 0.0 and 1.0", "> 0"),
+        lambda: union(box(), sphere(), k=Param("k", 0.1, -0.5, 1.0)),
+        ("k = an expression between -0.5 and 1.0", "> 0"),
     ),
     "torus over a range": (
         lambda: torus(1.0, Param("tube", 0.3, 0.1, 1.2)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from raymarch.expr.glsl import print_functions
 from raymarch.expr.types import VEC3
 from raymarch.gpu.context import Context
 from raymarch.sdf import Node
-from raymarch.sdf.lower import lower
+from raymarch.sdf.lower import evaluate_undivided, lower
 from tests.support.glsl_harness import run
 from tests.support.random_trees import deep_trees, looked_at
 
@@ -41,6 +42,13 @@ def test_facts_hold(node: Node) -> None:
     for other, there in ((points[::-1], values[::-1]), (near, field.value(near))):
         distance = np.linalg.norm(other - points, axis=1)
         assert np.all(np.abs(there - values) <= node.lipschitz * distance * (1 + 1e-9) + slack * 1e-3), node
+    undivided = evaluate_undivided(node, points)
+    assert np.all((undivided > 0) == (values > 0)) and np.all(np.abs(values) <= np.abs(undivided) * (1 + 1e-9)), node
+    change = np.abs(evaluate_undivided(node, near) - undivided)
+    far = np.linalg.norm(near - points, axis=1)
+    assert np.all(change <= node.facts.undivided * far * (1 + 1e-9) + slack * 1e-3), node
+    if np.isfinite(node.facts.undivided_spread):
+        assert np.all(outside <= node.facts.undivided_spread * np.maximum(undivided, 0.0) + slack), node
 
 
 def depth(node: Node) -> int:
@@ -62,6 +70,18 @@ def test_promised_slopes_are_met() -> None:
     look()
     assert sum(d >= 8 for d in depths) >= 10
     assert np.median(loose) <= 1.5
+
+
+def made_again(node: Node) -> Node:
+    """The tree with a node of its own at each place, made on this line."""
+    return Node(node.definition, tuple(map(made_again, node.children)), node.params, label=node.label)
+
+
+@given(deep_trees)
+@settings(max_examples=12)
+def test_the_text_depends_on_the_values_alone(node: Node) -> None:
+    """Not on the lines that made the nodes, on their variables, or on which objects are shared."""
+    assert made_again(node).glsl() == pickle.loads(pickle.dumps(node)).glsl() == node.glsl()
 
 
 @given(deep_trees)

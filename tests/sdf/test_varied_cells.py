@@ -47,6 +47,19 @@ def test_a_copy_is_that_of_its_index() -> None:
         assert node.distance([i, 0, 0]) == pytest.approx(-0.3 - 0.1 * np.sin(i), abs=1e-12)
 
 
+def test_a_function_of_the_index_stands_beside_a_loop() -> None:
+    """The loop of the ellipsoid carries tangents; noise of the index is constant within a cell, so it has none."""
+    node = repeat_varied(
+        lambda i: rm.ellipsoid((0.7 + 0.1 * hash(i), 1, 0.7)).translate((0, 0.1 * rm.value_noise(0.3 * i), 0)),
+        2,
+        (3, 1, 3),
+    )
+    slope, points, h = node.gradient(POINTS[:200]), POINTS[:200], 1e-6
+    steps = [(node.distance(points + h * e) - node.distance(points - h * e)) / (2 * h) for e in np.eye(3)]
+    assert np.mean(np.abs(slope - np.stack(steps, axis=1)).max(axis=1) < 1e-5) > 0.95
+    assert "field" in rm.Scene(node).node.glsl() and rm.truth(rm.Scene(node), size=(8, 8)).depth.min() < np.inf
+
+
 def test_random_numbers_are_even() -> None:
     drawn = np.array([value_of(hash((float(i), float(j), 2.0))) for i in range(20) for j in range(20)])
     assert abs(drawn.mean() - 0.5) < 0.05 and abs(drawn.std() - 12**-0.5) < 0.03

@@ -74,3 +74,36 @@ def test_transition_has_both_ends() -> None:
 )
 def test_what_cannot_be_is_refused(make: Any, says: str) -> None:
     refused(make, says)
+
+
+TRIANGLE = rm.polygon([(-1, -1), (1.2, -1), (0, 1)])
+CONVEX = [rm.rectangle((2, 1)), rm.rectangle(1.0), TRIANGLE, rm.polygon([(1, 1), (-1, 1), (-0.6, -0.7), (0.7, -0.9)])]
+CONVEX += [rm.regular_polygon(5, 0.8), rm.flat_triangle((-0.8, -0.6), (0.1, 0.8), (0.9, -0.4))]
+
+
+@pytest.mark.parametrize("bottom", range(len(CONVEX)))
+@pytest.mark.parametrize("top", range(len(CONVEX)))
+def test_a_frustum_between_polygons_is_straight(bottom: int, top: int) -> None:
+    """Any point between a point of one end and a point of the other is in it, and those at the ends are on it."""
+    a, b = CONVEX[bottom], CONVEX[top]
+    solid = a.extrude_to(b, 1.5, "linear")
+    random = np.random.default_rng(bottom * 10 + top)
+    ends = [
+        points[node.distance(points) <= 0][:400]
+        for node, points in zip((a, b), random.uniform(-1.3, 1.3, (2, 4000, 2)), strict=True)
+    ]
+    n, t = min(map(len, ends)), random.uniform(0, 1, 400)
+    share = t[:n, None]
+    flat = (1 - share) * ends[0][:n] + share * ends[1][:n]
+    assert np.all(solid.distance(np.concatenate([flat, 1.5 * (share - 0.5)], axis=1)) <= 1e-12)
+    for node, z in ((a, -0.75 + 1e-9), (b, 0.75 - 1e-9)):  # nothing else is in it
+        points = random.uniform(-1.3, 1.3, (2000, 2))
+        clear = np.abs(node.distance(points)) > 1e-6
+        inside = solid.distance(np.column_stack([points, np.full(len(points), z)])) <= 0
+        np.testing.assert_array_equal(inside[clear], node.distance(points)[clear] <= 0)
+
+
+def test_the_corners_of_a_square_frustum() -> None:
+    """Half-way between squares of 2 and 1 the corner is at 0.75, on the line between theirs."""
+    solid = rm.rectangle(2.0).extrude_to(rm.rectangle(1.0), 1.0, "linear")
+    np.testing.assert_allclose(solid.distance([(0.75, 0.75, 0), (0.75, 0, 0), (1, 1, -0.5)]), 0.0, atol=1e-12)

@@ -167,7 +167,7 @@ def test_an_error_in_a_users_definition_names_the_expression_too(
     assert fault.where == node.where and f"made by lump, {__file__}:" in str(fault)
 
 
-@pytest.mark.parametrize("helper", ["smooth_min", "turned"])
+@pytest.mark.parametrize("helper", ["smooth_min", "rotate_field"])
 def test_an_error_in_a_helper_names_a_node_that_uses_it(
     helper: str, renderer: rm.Renderer, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,4 +1,4 @@
-"""Functions and values are named after the scene file's variables."""
+"""Functions and values are named after definitions: the text depends on the values of the scene alone."""
 
 from __future__ import annotations
 
@@ -22,23 +22,24 @@ scene = rm.Scene(barn.rotate(0.3) | barn.translate((2, 0, 0)) | shed(0.7).transl
 """
 
 
-def test_a_repeated_subtree_is_one_function_named_after_its_variable(tmp_path: Path) -> None:
+def test_functions_and_values_are_named_after_their_definitions(tmp_path: Path) -> None:
     file = tmp_path / "scene.py"
     file.write_text(FILE)
     text = assemble(plan(load(file))).text()
-    assert text.count("float barn(vec3 p) {") == 1 and text.count("Part barn_part(vec3 p) {") == 1
-    assert text.count("barn_part(") == 2, "one call, at the point of the copy that is nearer"
-    assert "vec4 wall = box_gradient(" in text and "vec4 roof = sphere_gradient(" in text
+    assert text.count("float union_field(vec3 p) {") == 1 and text.count("Part union_part(vec3 p) {") == 1
+    assert text.count("union_part(") == 2, "one call, at the point of the copy that is nearer"
+    assert "vec4 box2 = box_gradient(" in text and "vec4 sphere2 = sphere_gradient(" in text
 
 
-def test_equal_subtrees_of_a_function_are_named_after_it(tmp_path: Path) -> None:
+def test_variables_functions_and_lines_of_the_user_leave_the_text_as_it_is(tmp_path: Path) -> None:
     file = tmp_path / "scene.py"
-    file.write_text(
-        FILE.replace("barn = shed(0.5)", "barn = rm.torus(1, 0.2)").replace("0.7", "0.5")
-        + "scene = shed(0.5) | shed(0.5).translate((3, 0, 0))"
-    )
+    file.write_text(FILE)
     text = assemble(plan(load(file))).text()
-    assert "float shed(vec3 p) {" in text and "Part shed_part(vec3 p) {" in text
+    renamed = FILE.replace("wall", "left").replace("shed", "house").replace("barn", "ground")
+    file.write_text(
+        renamed.replace(" | ", " |").replace("(barn", "(\n\nbarn").replace("scene = rm.Scene(", "scene = (")
+    )
+    assert assemble(plan(load(file))).text() == text
 
 
 def test_materials_of_a_repeated_subtree_are_those_of_its_parts() -> None:

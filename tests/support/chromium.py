@@ -27,6 +27,7 @@ FLAGS = (
     ),
     *("--remote-debugging-pipe", "--no-first-run", "--disable-extensions", "--hide-scrollbars", "--mute-audio"),
     *("--disable-dev-shm-usage", "--disable-background-networking"),
+    *("--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader"),
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
 )
 
@@ -166,3 +167,35 @@ class Browser:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+class Tint:
+    """Chromium's compiler of WGSL."""
+
+    def __init__(self) -> None:
+        self._folder = tempfile.TemporaryDirectory()
+        page = Path(self._folder.name, "page.html")
+        page.write_text("<!doctype html><title>a page of a file may use WebGPU</title>")
+        self._browser = Browser()
+        self._browser.call("Page.navigate", url=page.as_uri())
+        self._browser.run(
+            "new Promise(done => document.readyState === 'complete' ? done() : addEventListener('load', done)).then("
+            "async () => { window.device = await (await navigator.gpu.requestAdapter()).requestDevice(); })"
+        )
+
+    def refused(self, code: str) -> str:
+        """The compiler's messages; empty if it takes the code."""
+        return str(
+            self._browser.run(
+                f"(async () => {{ device.pushErrorScope('validation'); "
+                f"const made = device.createShaderModule({{code: {json.dumps(code)}}}); "
+                "const found = (await made.getCompilationInfo()).messages.filter(m => m.type == 'error'); "
+                "await device.popErrorScope(); "
+                "return found.map(m => `${m.lineNum}: ${m.message}`).join('\\n'); })()"
+            )
+        )
+
+    def close(self) -> None:
+        """End the browser."""
+        self._browser.close()
+        self._folder.cleanup()

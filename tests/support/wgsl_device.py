@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 
 class Device:
-    """Compiles and runs WGSL. A context; errors are RuntimeError with the compiler's message."""
+    """Compiles WGSL by naga, and runs it. A context."""
 
     def __init__(self) -> None:
         self._pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"))
@@ -28,10 +28,9 @@ class Device:
     def present(self) -> bool:
         return self._pool.submit(_present).result()
 
-    def compile(self, code: str) -> None:
-        message = self._pool.submit(_compile, code).result()
-        if message:
-            raise RuntimeError(message)
+    def refused(self, code: str) -> str:
+        """The compiler's message; empty if it takes the code."""
+        return self._pool.submit(_compile, code).result()
 
     def compute(self, code: str, given: NDArray[np.float32]) -> NDArray[np.float32]:
         """What a shader makes of vec4s, (N, 4), by groups of 64."""

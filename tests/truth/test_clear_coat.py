@@ -7,7 +7,8 @@ import pytest
 
 import raymarch as rm
 from raymarch.expr.arrays import evaluator
-from raymarch.expr.node import const, expr
+from raymarch.expr.node import const, expr, var
+from raymarch.expr.types import FLOAT
 from raymarch.gpu.context import Context
 from raymarch.scene.bsdf import Coated, Microfacets
 from tests.functions.directions import slanted
@@ -101,3 +102,23 @@ def test_the_shader_is_the_reference(egl: Context) -> None:
             found = renderer.render(scene).color
         off = np.abs(found - rm.truth(scene, (24, 18)).color).max(axis=-1)
         assert np.quantile(off, 0.98) < 1e-3, np.sort(off.ravel())[-20:]
+
+
+@pytest.mark.parametrize("masking", ["correlated", "separable"])
+@pytest.mark.parametrize("coated", [False, True])
+def test_mirrors_of_a_ray_tree_add_no_light(masking: str, coated: bool) -> None:
+    """In a white furnace a ray tree sees mirrors, sky and diffuse light together, 1 at most at any angle."""
+    base, one = Microfacets(masking, True), const((1.0, 1.0, 1.0))
+    bsdf = Coated(base) if coated else base
+    roughness, coat, metalness, cosine = (var(name, FLOAT) for name in ("r", "coat", "metalness", "c"))
+    names = {"metalness": metalness, "roughness": roughness, "clearcoat": expr(1.0), "clearcoat_roughness": coat}
+    given = prepared(bsdf, material(color=(1.0, 1.0, 1.0)) | names)
+    traced = bsdf.traced(given, cosine)
+    shown = bsdf.reflect_sky(given, cosine, one, one, one, traced) + bsdf.mirrored(given, cosine, traced)
+    angles = np.cos(np.radians([0, 30, 60, 70, 80, 85, 88, 89, 89.9]))
+    levels = (0.0, 0.02, 0.05, 0.1, 0.12, 0.14, 0.16, 0.19, 0.3, 1.0)
+    grid = np.meshgrid(levels, levels if coated else (0.0,), (0.0, 0.5, 1.0), angles)
+    values = [axis.ravel() for axis in grid]
+    views = np.array([slanted(c) for c in values[-1]])
+    found = evaluator([shown], [VIEW, roughness, coat, metalness, cosine])(views, *values)[0]
+    assert found.max() <= 1.0 + 1e-12

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raymarch.truth.march import GAP, PATIENCE, Lines, first_root, first_root_of_estimate
+from raymarch.truth.march import GAP, PATIENCE, Lines, first_crossing, first_root, first_root_of_estimate
 
 
 def lines(start: Any, end: Any) -> Lines:
@@ -130,3 +130,12 @@ def test_a_root_does_not_depend_on_other_rays(search: Any) -> None:
     assert np.isfinite(part.t).any() and part.evaluations.max() > 60
     for name in ("t", "evaluations", "gap"):
         assert np.array_equal(getattr(part, name), getattr(whole, name)[some]), name
+
+
+def test_a_function_that_touches_zero_is_passed() -> None:
+    """|t - 2| touches 0; with a dip of 1e-9 it crosses."""
+    dip = np.array([0.0, 1e-9])
+    found = first_crossing(
+        first_root, lambda i, t: np.minimum(np.abs(t - 2.0) - dip[i], 5.0 - t), lines([0, 0], [9, 9])
+    )
+    assert found.t == pytest.approx([5.0, 2.0], abs=1e-8)

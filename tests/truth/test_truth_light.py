@@ -149,7 +149,8 @@ def test_the_softness_of_a_light_without_a_position_is_the_tangent_of_an_angle()
     near, end = np.full(9, 1e-3), np.full(9, 20.0)
 
     def visible(light: Light) -> Any:
-        return soft_visibility(light, Values({}), ball.distance, rays, ball.facts, near, end)
+        width = np.broadcast_to(Values({}).of(light.disc_width) / (end if light.has_position else 1.0), end.shape)
+        return soft_visibility("two-sided", width, ball.distance, rays, ball.facts, near, end)
 
     sun = visible(Sun((1, 0, 0), shadow=True, softness=0.05))
     assert np.ptp(sun) > 0.5

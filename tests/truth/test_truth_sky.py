@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from raymarch.errors import SceneError
+from raymarch.expr.images import read_image, write_channels
 from raymarch.scene import (
     AmbientOcclusion,
     Camera,
@@ -26,7 +27,6 @@ from raymarch.scene import (
     noise,
     stripes,
 )
-from raymarch.scene.images import read_image, write_channels
 from raymarch.scene.parameter import Values, set_values
 from raymarch.scene.sky import harmonics_at
 from raymarch.scene.tone import LUMINANCE
@@ -247,11 +247,11 @@ def test_a_picture_of_the_sky_stands_where_it_should(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
-        ("missing.hdr", None, ("no file",)),
-        ("broken.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 9\nabc", ("cannot be read", "too early")),
-        ("noise.hdr", b"nothing of the kind", ("cannot be read", "no header")),
-        ("broken.exr", b"nothing of the kind", ("cannot be read",)),
-        ("broken.png", b"nothing of the kind", ("cannot be read",)),
+        ("missing.hdr", None, ("cannot read", "No such file")),
+        ("broken.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 9\nabc", ("cannot read", "too early")),
+        ("noise.hdr", b"nothing of the kind", ("cannot read", "no header")),
+        ("broken.exr", b"nothing of the kind", ("cannot read",)),
+        ("broken.png", b"nothing of the kind", ("cannot read",)),
     ],
 )
 def test_a_bad_picture_is_refused_with_the_line(tmp_path: Path, name: str, content: bytes | None, words: Any) -> None:

@@ -63,6 +63,16 @@ def test_other_files_are_refused(content: Any) -> None:
         measured_stops(content)
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("errors", {"pixels_p99": "inf", "missed": 0, "false": 0}), ("errors", []), ("milliseconds", {"median": -1.0})],
+)
+def test_figures_that_are_none_are_refused(stored: Any, name: str, value: Any) -> None:
+    points = [{**point, name: value} for point in stored["points"]]
+    with pytest.raises(SceneError, match="these measurements cannot be used"):
+        measured_stops({**stored, "points": points})
+
+
 def test_a_front_without_hits_is_refused(stored: Any) -> None:
     blind = [p for p in stored["points"] if p["quality"]["max_steps"] == 16]
     with pytest.raises(SceneError, match="finds every hit"):

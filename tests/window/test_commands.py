@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -317,8 +318,8 @@ def test_pictures_sequences_and_settings_are_saved(tmp_path: Path, monkeypatch: 
         do.saved(model, Path(f"scene-1/frame-{i:04d}.png"), None)
     assert model.sequence is None and "saved 3 pictures in scene-1" in text_of(model)
     press(model, "p", shift=True)
-    do.saved(model, Path("scene-2/frame-0000.png"), OSError(28, "No space left on device"))
-    assert model.sequence is None and "cannot write scene-2/frame-0000.png: No space left" in text_of(model)
+    do.saved(model, Path("scene-2/frame-0000.png"), SceneError("cannot write 'scene-2/frame-0000.png': no space"))
+    assert model.sequence is None and "cannot write 'scene-2/frame-0000.png': no space" in text_of(model)
     press(model, "p", shift=True)
     press(model, "escape")
     assert model.sequence is None and "stopped after 0 pictures" in text_of(model)
@@ -327,6 +328,32 @@ def test_pictures_sequences_and_settings_are_saved(tmp_path: Path, monkeypatch: 
     again = model_of(MOVING)
     again.state.restore(settings)
     assert again.state.settings() == settings and again.state.timeline.time == model.state.timeline.time
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (("camera",), [1]),
+        (("camera", "position"), [0.0, 0.0, 1e300]),
+        (("camera", "position"), ["0", 1.0, 2.0]),
+        (("camera", "position"), 3.0),
+        (("camera", "fov"), "45"),
+        (("params",), []),
+        (("time",), True),
+        (("time",), 10**400),
+        (("view",), ["color"]),
+    ],
+)
+def test_hostile_settings_are_refused(path: tuple[str, ...], value: Any) -> None:
+    model = model_of(MOVING)
+    settings = copy.deepcopy(model.state.settings())
+    *parents, last = path
+    at = settings
+    for name in parents:
+        at = at[name]
+    at[last] = value
+    with pytest.raises(SceneError):
+        model.state.restore(settings)
 
 
 def test_other_keys_ask_the_main_loop() -> None:

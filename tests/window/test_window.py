@@ -129,10 +129,19 @@ def test_a_bad_scene_opens_no_window(tmp_path: Path, capfd: Capture, text: str, 
         (("--budget", "0"), "--budget 0"),
         (("--set", "radius=9"), "parameter 'radius' = 9 (a number >= 0.5 and <= 2)"),
         (("--set", "other=1"), "unknown parameter 'other'"),
-        (("--settings", "none.json"), "cannot read settings 'none.json'"),
+        (("--settings", "deep.json"), "--settings: cannot read 'deep.json': it is broken (RecursionError"),
+        (("--settings", "other.json"), "--settings: cannot use 'other.json': these settings cannot be used: KeyError"),
+        (("--cost", "deep.json"), "--cost: cannot read 'deep.json': it is broken (RecursionError"),
+        (("--cost", "other.json"), "--cost: cannot use 'other.json': these measurements cannot be used"),
+        (("--settings", "none.json"), "--settings: cannot read 'none.json'"),
     ],
 )
-def test_bad_options_are_refused(tmp_path: Path, capfd: Capture, arguments: tuple[str, ...], words: str) -> None:
+def test_bad_options_are_refused(
+    tmp_path: Path, capfd: Capture, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], words: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("deep.json").write_text(100_000 * "[")
+    Path("other.json").write_text("{}")
     file = tmp_path / "scene.py"
     file.write_text("import raymarch as rm\nscene = rm.sphere(rm.Param('radius', 1, 0.5, 2))\n")
     assert words in refused(capfd, str(file), *arguments)

@@ -1,0 +1,61 @@
+"""Cuts that are flush with a face leave no membrane; thin skins, sheets and shells stay."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.plan import plan
+from tests.lab.flush_cuts import CASES, PIXEL, camera, differences, random_case, shells
+
+SHORT = ("plate .001", "each far", "shadow", "mirror")
+ALLOWED = 2
+"""Pixels whose ray passes an edge within the error of a hit."""
+
+
+@pytest.fixture
+def small(renderer: rm.Renderer) -> rm.Renderer:
+    renderer.resize((64, 36))
+    return renderer
+
+
+@pytest.mark.parametrize("name", SHORT)
+def test_no_membrane_is_drawn(name: str, small: rm.Renderer) -> None:
+    flush, clear, given = CASES[name]
+    shader, truth = differences(small, flush, clear, **given)
+    assert max(shader) <= ALLOWED and max(truth) <= 1
+
+
+def test_no_membrane_of_random_tools_is_drawn(small: rm.Renderer) -> None:
+    """More: python -m tests.lab.flush_cuts."""
+    flush, clear, given = random_case(4)
+    shader, truth = differences(small, flush, clear, **given)
+    assert max(shader) <= ALLOWED and max(truth) <= 1
+
+
+def test_a_tool_moves_through_the_face(small: rm.Renderer) -> None:
+    """A skin of a hundredth of a pixel is drawn, one of no thickness is not."""
+    deep = rm.Param("deep", 10.0, 8.0, 12.0)
+    scene = rm.Scene(rm.box((40, 10, 40)) - rm.cylinder(8, 1).scale((1, deep, 1)), camera(), lights=[])
+    height, width = small.size[1], small.size[0]
+    hit = {}
+    for value in (10.0 - 0.05 * PIXEL, 10.0, 10.0 + 0.002 * PIXEL, 11.0):
+        frame = small.render(scene, params={"deep": value}, outputs=("depth",))
+        hit[value] = bool(np.isfinite(frame.depth[height // 2, width // 2]))
+    assert list(hit.values()) == [True, False, False, False]
+
+
+@pytest.mark.parametrize("name", ["box", "turned sheet"])
+def test_what_is_a_thousandth_of_a_pixel_thick_is_drawn(name: str, small: rm.Renderer) -> None:
+    node = shells(2.5e-3)[name]
+    shader, _ = differences(small, node, node, lights=[])
+    assert max(shader) <= ALLOWED
+
+
+def test_a_disc_without_thickness_beside_a_cut_is_drawn(small: rm.Renderer) -> None:
+    scene = rm.Scene(rm.disc(20, 0.0) | (rm.box(10) - rm.sphere(6)).translate((0, 20, 0)), camera(), lights=[])
+    assert "CUTS" not in plan(scene).variants
+    shown = np.isfinite(small.render(scene, outputs=("depth",)).depth)
+    hit = rm.truth(scene, small.size).hit
+    assert hit.sum() > 300 and shown[hit].all()

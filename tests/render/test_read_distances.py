@@ -1,0 +1,59 @@
+"""Ambient occlusion and penumbras read distances: they do not depend on how a solid is written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+
+
+@pytest.fixture(scope="module")
+def renderer() -> Iterator[rm.Renderer]:
+    with rm.Renderer(size=(15, 15)) as made:
+        yield made
+
+
+BOX = rm.box()
+WRITTEN = {
+    "sheared": BOX.shear(1.0).shear(-1.0),
+    "twist": BOX.twist(2),
+    "displace": BOX.displace(1e-3, 500),
+    "chamfer": rm.union(BOX, rm.box((0.5, 0.5, 2)), k=0.1, blend="chamfer"),
+    "blended": rm.union(BOX.shear(1.0).shear(-1.0), rm.box(0.2), k=0.1),
+}
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_a_convex_solid_occludes_nothing_of_itself(renderer: rm.Renderer, name: str) -> None:
+    camera = rm.Camera(position=(0, 9, 0.001), target=(0, 0, 0), fov=3)
+    scene = rm.Scene(WRITTEN[name], camera, lights=[], sky=rm.Sky((1, 1, 1), light=True))
+    dimmed = scene.replace(occlusion=rm.AmbientOcclusion(reach=0.5))
+    bright = renderer.render(scene).color
+    leaning = 0.12 if name == "displace" else 0.01  # the normals of waves lean by up to 27 degrees
+    np.testing.assert_allclose(renderer.render(dimmed).color, bright, rtol=leaning)
+    np.testing.assert_allclose(rm.truth(dimmed, size=(3, 3)).color, bright[:3, :3], rtol=leaning)
+
+
+@pytest.mark.parametrize("penumbra", ["two-sided", "cone", "triangulated"])
+def test_a_penumbra_is_as_wide_however_its_solid_is_written(renderer: rm.Renderer, penumbra: str) -> None:
+    plate = rm.box((2, 0.4, 2))
+    camera = rm.Camera(position=(0, 0.75, 0.001), target=(0, 0, 0), fov=60)
+    light = rm.Sun(direction=(0, 1, 0), shadow=True, softness=0.2, penumbra=penumbra)
+    found = []
+    for solid in (plate, plate.shear(1.0).shear(-1.0), plate.displace(1e-4, 8000)):
+        scene = rm.Scene(solid.translate((-1, 1, 0)) | rm.plane(), camera, lights=[light], sky=rm.Sky((0, 0, 0)))
+        found.append(renderer.render(scene).color[7, :, 0])
+    assert np.ptp(found[0]) > 0.5
+    for other in found[1:]:
+        np.testing.assert_allclose(other, found[0], atol=0.06)
+
+
+def test_what_reads_short_distances_is_doubted(renderer: rm.Renderer) -> None:
+    scene = rm.Scene(rm.sphere().scale((3, 0.5, 0.5)), occlusion=rm.AmbientOcclusion(), sky=rm.Sky(light=True))
+    (doubt,) = [doubt for doubt in renderer.render(scene).doubts() if "AmbientOcclusion" in doubt]
+    assert "0.17 times" in doubt
+    for plain in (scene.replace(occlusion=None), scene.replace(node=BOX)):
+        assert not [doubt for doubt in renderer.render(plain).doubts() if "AmbientOcclusion" in doubt]
