@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from raymarch.gpu import render as render
     from raymarch.gpu.probe import Probe as Probe
     from raymarch.gpu.probe import probe as probe
+    from raymarch.proof import Proof as Proof
+    from raymarch.proof import prove as prove
     from raymarch.scene import *
     from raymarch.sdf import *
     from raymarch.truth import Truth as Truth
@@ -50,6 +52,7 @@ _MODULES = {
     "raymarch.export.notebook": "show",
     "raymarch.gpu": "Frame Renderer render",
     "raymarch.gpu.probe": "Probe probe",
+    "raymarch.proof": "Proof prove",
     "raymarch.truth": "Truth truth",
 }
 _SOURCES = {name: module for module, names in _MODULES.items() for name in names.split()}

@@ -35,6 +35,14 @@ _NOT_THE_USERS = (
 )
 
 
+def printable(text: str) -> str:
+    """A text with escapes such as \\x1b in place of characters that are not printable: one line, without commands to a
+    terminal."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+
+
 @dataclass(frozen=True, slots=True)
 class Location:
     """A line of a Python file: where the user made a node or another part of a scene."""
@@ -43,7 +51,7 @@ class Location:
     line: int
 
     def __str__(self) -> str:
-        return f"{self.file}:{self.line}"
+        return printable(f"{self.file}:{self.line}")
 
 
 class RaymarchError(Exception):
@@ -65,7 +73,7 @@ class RaymarchError(Exception):
     def __str__(self) -> str:
         place = f"{self.where}: " if self.where else ""
         cure = f" ({self.legal})" if self.legal else ""
-        return f"{place}{self.what}{cure}"
+        return printable(f"{place}{self.what}{cure}")
 
 
 class SceneError(RaymarchError):
@@ -103,7 +111,9 @@ class SceneWarning(UserWarning):
 def warn(what: str, where: Location | None = None) -> None:
     """Issue a SceneWarning at a line of the user. None finds the line from the call stack."""
     where = where or user_location() or Location("raymarch", 0)
-    warnings.warn_explicit(what, SceneWarning, where.file, where.line, registry=_warned.setdefault(where.file, {}))
+    warnings.warn_explicit(
+        printable(what), SceneWarning, where.file, where.line, registry=_warned.setdefault(where.file, {})
+    )
 
 
 _warned: dict[str, dict[Any, Any]] = {}

@@ -1,18 +1,28 @@
-"""Files: which ones are read, and output files, which are written whole or not at all."""
+"""Files: those of data, which may hold anything; which ones are read; and outputs, written whole or not at all."""
 
 from __future__ import annotations
 
 import importlib.util
+import json
+import math
 import os
+import shutil
+import stat
+import struct
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from errno import EACCES, EISDIR
 from pathlib import Path
 from typing import Any
 
 from raymarch.cache import folder as cache_folder
 from raymarch.errors import RaymarchError, SceneError, is_users
+from raymarch.startup import unfinished
+
+UNFINISHED = ".raymarch."
+"""How the names of temporary files begin, which become the outputs when they are complete."""
 
 _read: dict[str, None] | None = None
 _hooked = False
@@ -21,6 +31,58 @@ _hooked = False
 def reads(file: str | os.PathLike[str]) -> None:
     """Raise Python's audit event "open" for a file that a C library reads, which raises none of its own."""
     sys.audit("open", os.fspath(file), "rb", 0)
+
+
+@contextmanager
+def reading(
+    what: str, file: str | os.PathLike[str], legal: str, error: type[RaymarchError] = SceneError
+) -> Iterator[None]:
+    """The block that reads or uses a file of data: whatever is raised there becomes an `error` with the file's name.
+
+    Refuses what is no regular file first: a device or a pipe may have no end.
+    """
+    name = os.fspath(file)
+    try:
+        if not stat.S_ISREG(mode := os.stat(file).st_mode):
+            raise OSError("it is a directory" if stat.S_ISDIR(mode) else "it is a device or a pipe")
+        yield
+    except RaymarchError as fault:
+        if name in fault.what:
+            raise
+        raise error(f"{what}: cannot use '{name}': {fault.what}", legal=fault.legal or legal) from fault
+    except Exception as fault:
+        reason = (isinstance(fault, OSError) and fault.strerror) or " ".join(str(fault).split())[:200]
+        if isinstance(fault, MemoryError | LookupError | AttributeError | TypeError | SyntaxError | RecursionError):
+            reason = f"it is broken ({type(fault).__name__}{': ' * bool(reason)}{reason})"
+        raise error(f"{what}: cannot read '{name}': {reason or type(fault).__name__}", legal=legal) from fault
+
+
+def read_json(what: str, file: Path, legal: str, error: type[RaymarchError] = SceneError) -> Any:
+    """The content of a JSON file of finite numbers. `error` with the file's name if it is none."""
+
+    def number(text: str) -> float:
+        if not math.isfinite(value := float(text)):
+            raise ValueError(f"{text} is no finite number")
+        return value
+
+    with reading(what, file, legal, error):
+        return json.loads(file.read_text(encoding="utf-8"), parse_float=number, parse_constant=number)
+
+
+def sources(*names: str) -> Iterator[tuple[str, bytes]]:
+    """The names and contents of files of the package, and of those in its folders; it may be in a zip archive."""
+    from importlib import resources  # takes time, and few commands need it
+
+    def walk(found: Any) -> Iterator[tuple[str, bytes]]:
+        if found.is_file():
+            yield found.name, found.read_bytes()
+            return
+        for part in sorted(found.iterdir(), key=lambda part: part.name):
+            if part.name.endswith((".py", ".glsl", ".html")) or part.is_dir():
+                yield from walk(part)
+
+    for name in names:
+        yield from walk(resources.files("raymarch").joinpath(name))
 
 
 def import_optional(what: str, name: str, extra: str, error: type[RaymarchError] = SceneError) -> Any:
@@ -40,7 +102,7 @@ def write(file: Path, writer: Callable[[Path], object], error: type[RaymarchErro
 @contextmanager
 def recorded() -> Iterator[dict[str, None]]:
     """The absolute paths of the files that are opened to be read in the block, in order; of a compiled module, its
-    source. Also those that do not exist."""
+    source. Also those that do not exist, and folders that became the working directory."""
     global _read, _hooked
     if not _hooked:
         sys.addaudithook(_record)  # cannot be removed; does nothing outside of the block
@@ -53,12 +115,15 @@ def recorded() -> Iterator[dict[str, None]]:
 
 
 def _record(event: str, arguments: tuple[Any, ...]) -> None:
-    if _read is None or event != "open":
+    if _read is None or event not in ("open", "os.chdir"):
         return
-    path, mode = arguments[0], arguments[1]
+    path, mode = arguments[0], arguments[1] if event == "open" else "r"
     if isinstance(path, int) or (isinstance(mode, str) and not mode.startswith("r")):
         return
-    name = os.path.abspath(os.fsdecode(path))
+    name = os.fsdecode(path)
+    name = name if os.path.isabs(name) else os.path.join(os.getcwd(), name)
+    if ".." not in name.split(os.sep):  # beyond a linked folder it leads elsewhere than by its letters
+        name = os.path.normpath(name)
     if name.endswith(".pyc"):
         with suppress(ValueError):
             name = importlib.util.source_from_cache(name)
@@ -77,25 +142,45 @@ def may_belong(file: str) -> bool:
 
 @contextmanager
 def written(file: Path, error: type[RaymarchError] = SceneError, folder: Path | None = None) -> Iterator[Path]:
-    """Write atomically: a temporary file beside `file`, or in a folder of the same disk, which is renamed at the end
-    and removed after a failure.
+    """Write a file whole or not at all: the block writes a temporary file, which then takes the place of `file`.
 
-    The old file stays until then. Raises `error` if the file cannot be written.
+    folder : of the temporary file, if it is on the same disk. None: that of `file`.
+
+    The old file stays until then, and its mode after it. Of a link, the file that it names is written. A pipe or a
+    device gets the bytes. The temporary file is removed on every way out. Raises `error` if the file cannot be written.
     """
+    partial: Path | None = None
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{file.name}.", dir=folder or file.parent or Path())
-        os.close(handle)
-    except OSError as fault:
-        raise error(f"cannot write '{file}': {fault.strerror or fault}", legal="a writable folder") from None
-    partial = Path(name)
-    try:
+        try:
+            before = os.stat(file)
+        except FileNotFoundError:
+            before = None
+        mode = 0o666 if before is None else before.st_mode
+        if stat.S_ISDIR(mode):
+            raise IsADirectoryError(EISDIR, os.strerror(EISDIR))
+        if before is not None and not os.access(file, os.W_OK):
+            raise PermissionError(EACCES, "it is read-only")
+        streamed = before is not None and not stat.S_ISREG(mode)
+        target = Path(file if streamed else os.path.realpath(file))
+        beside = Path(tempfile.gettempdir()) if streamed else target.parent
+        if folder is not None and not streamed and os.stat(folder).st_dev == os.stat(beside).st_dev:
+            beside = folder
+        partial = beside / f"{UNFINISHED}{os.urandom(6).hex()}"
+        unfinished.add(str(partial))
+        os.close(os.open(partial, os.O_CREAT | os.O_EXCL | os.O_WRONLY, stat.S_IMODE(mode) | stat.S_IRUSR))
         yield partial
-        mask = os.umask(0)
-        os.umask(mask)
-        partial.chmod(0o666 & ~mask)
-        partial.replace(file)
-    except (OSError, ValueError) as fault:  # a ValueError is a limit of the format
-        reason = getattr(fault, "strerror", None) or fault
-        raise error(f"cannot write '{file}': {reason}", legal="a writable file") from None
+        if streamed:
+            with partial.open("rb") as made, target.open("wb") as out:
+                shutil.copyfileobj(made, out)
+        else:
+            if before is not None:
+                partial.chmod(stat.S_IMODE(mode))
+            partial.replace(target)
+    except (OSError, ValueError, MemoryError, struct.error) as fault:  # the last three are limits of formats
+        reason = getattr(fault, "strerror", None) or str(fault) or type(fault).__name__
+        raise error(f"cannot write '{file}': {reason}", legal="a writable file in a writable folder") from None
     finally:
-        partial.unlink(missing_ok=True)
+        if partial is not None:
+            with suppress(OSError):
+                partial.unlink()
+            unfinished.discard(str(partial))

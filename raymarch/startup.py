@@ -1,7 +1,8 @@
-"""The command line while it imports the package, which takes some tenths of a second.
+"""The command line while it imports the package, which takes some tenths of a second, and its handlers of signals.
 
-Ctrl+C then ends the process at once, with code 130 and without a traceback, and no garbage is collected: what is being
-imported stays. This is the package's first import. It does nothing in a program that only imports the package.
+Ctrl+C, SIGTERM and SIGHUP end a command with code 130: during the imports at once, then by KeyboardInterrupt. No
+garbage is collected during the imports: what is being imported stays. This is the package's first import. It does
+nothing in a program that only imports the package.
 """
 
 from __future__ import annotations
@@ -11,7 +12,9 @@ import gc
 import os
 import signal
 import sys
-from typing import NoReturn
+import time
+from contextlib import suppress
+from typing import Any, NoReturn
 
 INTERRUPTED = 130
 """Exit code after Ctrl+C: 128 + the number of the signal, as shells have it."""
@@ -24,9 +27,39 @@ def is_command() -> bool:
     return as_module or os.path.basename(words[1] if len(words) > 1 else "") == "raymarch"
 
 
+SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+"""The signals that interrupt a command, unless the shell has it ignore them."""
+
+unfinished: set[str] = set()
+"""Files that are being written; see `raymarch.files.written`."""
+
+_interrupted: float | None = None
+
+
 def leave(*_: object) -> NoReturn:
-    """Exit the process; there is nothing to clean up yet."""
+    """Exit the process; there is nothing to clean up."""
     os._exit(INTERRUPTED)
+
+
+def interrupt(*_: object) -> None:
+    """Raise KeyboardInterrupt. More than a second later, while the command cleans up or where the exception was lost,
+    remove unfinished files and exit the process."""
+    global _interrupted
+    now = time.monotonic()
+    if _interrupted is None:
+        _interrupted = now
+        raise KeyboardInterrupt
+    if now - _interrupted > 1.0:
+        for name in list(unfinished):
+            with suppress(OSError):
+                os.unlink(name)
+        leave()
+
+
+def _handle(before: tuple[object, ...], handler: Any) -> None:
+    for number in SIGNALS:
+        if signal.getsignal(number) in before:
+            signal.signal(number, handler)
 
 
 def begin() -> None:
@@ -35,17 +68,20 @@ def begin() -> None:
         return
     gc.disable()
     atexit.register(gc.freeze)  # the interpreter collects garbage as it exits; the process is about to free everything
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, leave)
+    _handle((signal.default_int_handler, signal.SIG_DFL), leave)
 
 
 def end() -> None:
-    """Collect garbage again, but not what was imported, and let Ctrl+C raise KeyboardInterrupt again."""
+    """Collect garbage again, but not what was imported, and let signals raise KeyboardInterrupt."""
     if is_command():
         gc.freeze()
         gc.enable()
-    if signal.getsignal(signal.SIGINT) is leave:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+    _handle((leave,), interrupt)
+
+
+def close() -> None:
+    """Let signals exit at once again: the command is done, and an exception has no use while the interpreter exits."""
+    _handle((interrupt,), leave)
 
 
 begin()

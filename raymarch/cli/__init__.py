@@ -1,4 +1,4 @@
-"""The command line: render, view, explain, cost, export, doctor."""
+"""The command line: render, view, explain, cost, prove, export, doctor."""
 
 from raymarch.cli.commands import app, main
 

@@ -1,7 +1,8 @@
 """The program `raymarch`: its commands, each in a module that is imported when the command is called.
 
 Exit codes: 0 done, also if the reader of a pipe closes it early; 1 an internal error, or figures
-that `cost --check` found grown; 2 bad input, with one message that names file and line; 130 Ctrl+C.
+that `cost --check` found grown; 2 bad input, with one message that names file and line; 130 after Ctrl+C, SIGTERM or
+SIGHUP.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ COMMANDS = {
         "others."
     ),
     "cost": "Measure error and time of quality settings, and show which are Pareto-optimal.",
+    "prove": "Prove by intervals that each hit of a picture is where a surface is, and that none lies before it.",
     "export": "Write a scene to a file for other programs: a shader, a page or a triangle mesh.",
     "view": "Show a scene in a window and reload it when its file is saved. Press H for the keys.",
 }
@@ -64,18 +66,26 @@ def main(args: Sequence[str] | None = None) -> None:
     """Run the command line and exit. Wrong usage is one line, with code 2."""
     with piped():
         try:
-            code = app(args=args, prog_name="raymarch", standalone_mode=False)
-        except RaymarchError as fault:
-            errors.print(f"raymarch: {fault}")
-            sys.exit(2)
+            code = _run(args)
+            startup.close()
         except KeyboardInterrupt:
-            sys.exit(startup.INTERRUPTED)
-        except Exception as fault:
-            if not hasattr(fault, "format_message"):  # the exceptions of wrong usage have it; typer moves their classes
-                raise
-            _show_usage(fault)
-            sys.exit(2)
-        sys.exit(code if isinstance(code, int) else 0)
+            code = startup.INTERRUPTED
+        sys.exit(code)
+
+
+def _run(args: Sequence[str] | None) -> int:
+    """The exit code of the command line."""
+    try:
+        code = app(args=args, prog_name="raymarch", standalone_mode=False)
+    except RaymarchError as fault:
+        errors.print(f"raymarch: {fault}")
+        return 2
+    except Exception as fault:
+        if not hasattr(fault, "format_message"):  # the exceptions of wrong usage have it; typer moves their classes
+            raise
+        _show_usage(fault)
+        return 2
+    return code if isinstance(code, int) else 0
 
 
 def _show_usage(fault: Any) -> None:

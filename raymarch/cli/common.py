@@ -16,7 +16,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 from rich.console import Console
 
-from raymarch.errors import RaymarchError
+from raymarch.errors import RaymarchError, printable
 
 
 class Errors(Console):
@@ -25,6 +25,10 @@ class Errors(Console):
     def __init__(self) -> None:
         # Without emoji=False rich turns the line number in "scene.py:100:" into an emoji.
         super().__init__(stderr=True, highlight=False, soft_wrap=True, emoji=False, markup=False)
+
+    def print(self, *objects: Any, **how: Any) -> None:
+        """Print texts, each as one line without control characters."""
+        super().print(*(printable(each) if isinstance(each, str) else each for each in objects), **how)
 
     def _write_buffer(self) -> None:
         try:
@@ -132,14 +136,18 @@ def piped() -> Iterator[None]:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # as stderr: an encoding without a letter is no failure
     output = os.dup(1)  # rich replaces descriptor 1
+    code: Any = 0
     try:
         try:
             yield
+        except SystemExit as stop:
+            code = stop.code
+            raise
         finally:
             sys.stdout.flush()
     except BrokenPipeError:
         _forget_output()
-        sys.exit(0)
+        sys.exit(0 if code == 1 else code)  # typer and rich exit with 1 then
     except OSError as fault:
         if fault.errno not in DISK or fault.filename is not None:
             raise
@@ -162,9 +170,10 @@ def _open_closed_streams() -> None:
         try:
             os.fstat(number)
         except OSError:
-            os.open(os.devnull, os.O_RDWR)  # takes the smallest free number, which is this one
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # takes the smallest free number, this one
         if getattr(sys, name) is None:
-            setattr(sys, name, open(number, "r" if number == 0 else "w", closefd=False))  # noqa: SIM115 - stays open
+            mode = "r" if number == 0 else "w"
+            setattr(sys, name, open(number, mode, errors="backslashreplace", closefd=False))  # noqa: SIM115 - stays open
 
 
 def _reader_is_gone(output: int) -> bool:

@@ -20,10 +20,12 @@ from raymarch.cli.common import (
     Output,
     SceneFile,
     Settings,
+    errors,
     parse_settings,
     parse_size,
 )
 from raymarch.cli.progress import watched
+from raymarch.cluster.source import of_file
 from raymarch.cost import baseline
 from raymarch.cost.answer import advice, sentence
 from raymarch.cost.checks import check
@@ -38,9 +40,10 @@ from raymarch.cost.sweep import METRICS, Point, Progress, Sweep, environment, sw
 from raymarch.cost.text import FORMAT, as_csv, as_json, findings, in_table, light_table, table
 from raymarch.cost.variants import ideal_of
 from raymarch.errors import CostError
-from raymarch.files import import_optional, write
+from raymarch.files import import_optional, reading, write
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.file import load
+from raymarch.scene.parameter import set_values
 from raymarch.scene.scene import Scene
 
 SIZE = "320x180"
@@ -118,7 +121,7 @@ def run(
     crossed = None if cross is None else [name.strip() for name in cross.split(",") if name.strip()]
     asked = axes(crossed, _given(axis or []))
     pixels, params = parse_size(size or SIZE), parse_settings(set_ or [])
-    found = load(scene)
+    source, found = (None, load(scene)) if cluster is None else of_file(scene)  # read once: it may be a pipe
     bench = _Bench(found, scene.stem, pixels, time or 0.0, params, backend, device)
     outputs = {"--json": json, "--csv": csv, "--plot": plot, "--html": html}
     baselines = {"--check": check_, "--write-baseline": write_baseline}
@@ -142,7 +145,7 @@ def run(
     if by.startswith("flip_"):
         check_followed(found)
     settings = grid(found, asked, pixels)
-    if cluster is not None:
+    if cluster is not None and source is not None:
         from raymarch.cli.on_cluster import cost_on_cluster  # Dask takes tenths of a second to import
         from raymarch.cluster.submit import Options
         from raymarch.cluster.sweep import Moment
@@ -151,12 +154,15 @@ def run(
         options = Options(mixed_drivers, backend=backend, device=device)
         costs: list[Effect] = []
         with watched() as tell:
-            made = cost_on_cluster(scene, settings, moment, repeats, seed, cluster, options, tell)
-        if made.untimed and (plot is not None or html is not None):
-            raise CommandError(f"--plot or --html without times: {made.untimed}", legal="--json or --csv")
+            timed = plot is not None or html is not None
+            where = cluster, options
+            made = cost_on_cluster(source, found, scene.stem, settings, moment, repeats, seed, *where, tell, timed)
     else:
         made, costs = bench.sweep(settings, samples, repeats, seed, html is not None)
     show(made, by, everything)
+    if made.untimed and (plot is not None or html is not None):  # the worker that was alone on its machine has left
+        errors.print(f"raymarch: --plot and --html are not written without times: {made.untimed}")
+        plot = html = None
     for file, text in ((json, as_json), (csv, as_csv), (html, partial(as_html, effects=costs))):
         if file is not None:
             _write(file, text(made, by))
@@ -229,6 +235,8 @@ def _check_baseline(bench: _Bench, file: Path, given: dict[str, Any]) -> None:
         raise CommandError(f"--check {file}: no scene '{name}'", legal=", ".join(records) or baseline.LEGAL)
     known = records[name]
     bench = replace(bench, size=known.size, time=known.time, params=dict(known.params))
+    with reading("--check", file, baseline.LEGAL, CommandError):
+        set_values(bench.scene.parameters, bench.params, bench.time)
     recorded = {"--size": bench.size, "--time": bench.time, "--set": bench.params}
     for option, value in given.items():
         if value is not None and value != recorded[option]:

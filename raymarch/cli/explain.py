@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json as json_format
 import sys
+from contextlib import redirect_stdout
 from typing import Annotated
 
 import typer
@@ -25,7 +26,8 @@ def run(
     pixels = parse_size(size)
     if json and glsl:
         raise CommandError("--json together with --glsl", legal="one of them; the JSON holds the GLSL as well")
-    made = plan(load(scene), size=pixels)
+    with redirect_stdout(sys.stderr):  # for what the scene prints
+        made = plan(load(scene), size=pixels)
     shader = assemble(made)
     if glsl:
         sys.stdout.write(shader.text())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time as clock_time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,17 +13,17 @@ from raymarch.cli.common import CommandError, errors
 from raymarch.cli.progress import counted
 from raymarch.cluster.connect import check_address, connected
 from raymarch.cluster.frames import check, draw_items, failures
-from raymarch.cluster.source import of_file
+from raymarch.cluster.source import Source
 from raymarch.cluster.submit import Cluster, Failed, Options
-from raymarch.cluster.sweep import Moment, sweep_on
+from raymarch.cluster.sweep import SHARED, Moment, sweep_on
 from raymarch.cluster.worker import Done, Refused
 from raymarch.cost.settings import Setting
 from raymarch.cost.sweep import Progress, Sweep
 from raymarch.export.film import FILMS
-from raymarch.export.sequence import Contents, Item, edge_of, is_large, tiles_of
+from raymarch.export.sequence import Contents, Item, Parts, edge_of, is_large, tiles_of
 from raymarch.export.stills import FORMATS, Shot, key_of
 from raymarch.files import import_optional
-from raymarch.scene.quality import Quality
+from raymarch.scene.scene import Scene
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,21 +46,27 @@ class Where:
 
 
 def render_on_cluster(
-    path: Path, quality: Quality, shot: Shot, items: list[Item], target: Path, film: bool, where: Where
-) -> tuple[list[Item], str | None]:
-    """Draw the frames of a film, or the tiles of one picture.
+    source: Source,
+    scene: Scene,
+    shot: Shot,
+    items: Sequence[Item],
+    target: Path,
+    film: bool,
+    where: Where,
+    stack: ExitStack,
+) -> tuple[Sequence[Item], str | None, Parts | None]:
+    """Draw the frames of a film, or the tiles of one picture. scene : of the source, with the quality to use.
 
-    Returns what was drawn, the items or the tiles, and the key of the one picture.
+    Returns what was drawn, the items or the tiles, the key of the one picture, and the folder of parts that are to be
+    joined, which `stack` closes.
     """
     check_address(where.address)
     resources, options = where.resources, where.options
-    source, scene = of_file(path)
-    scene = scene.replace(quality=quality)
     check(scene, shot, options)
     what, key = "frames", None
     whole = Contents(scene, shot)
     one = items[0]
-    tiled = shot.suffix in FORMATS and shot.view == "final" and quality.rays == "computed" and not scene.post
+    tiled = shot.suffix in FORMATS and shot.view == "final" and scene.quality.rays == "computed" and not scene.post
     if not film and tiled:
         if target.suffix.lower() in (".tif", ".tiff") and is_large(shot.size):
             import_optional(f"a large '{target}'", "tifffile", "tiff")
@@ -70,13 +77,13 @@ def render_on_cluster(
         )
     failed: list[tuple[Item, Refused | Failed]] = []
     start = clock_time.perf_counter()
+    joined = what == "tiles" or target.suffix.lower() in FILMS
+    parts = stack.enter_context(Parts(items, target, CommandError)) if joined else None
     with connected(where.address, options.timeout) as client:
         cluster: Cluster[Any] = Cluster(client, resources)
         errors.print(f"{where.address}: {client.dashboard_link}")
-        if what == "tiles" or target.suffix.lower() in FILMS:
-            items[0].file.parent.mkdir(exist_ok=True)
         with counted(len(items), what) as advance:
-            for item, outcome in draw_items(cluster, source, scene, shot, items, options, _say, CommandError):
+            for item, outcome in draw_items(cluster, source, scene, shot, items, options, _say, CommandError, parts):
                 advance(cluster.log.workers)
                 if isinstance(outcome, Done):
                     if what == "frames":
@@ -96,11 +103,13 @@ def render_on_cluster(
         raise CommandError(f"{len(failed)} of {len(items)} {what} could not be drawn", legal="see above")
     if what == "tiles":
         key = key_of(whole.of(one), cluster.used[0].driver)
-    return items, key
+    return parts.all(items) if parts is not None else items, key, parts
 
 
 def cost_on_cluster(
-    path: Path,
+    source: Source,
+    scene: Scene,
+    name: str,
     settings: Sequence[Setting],
     moment: Moment,
     repeats: int,
@@ -108,15 +117,20 @@ def cost_on_cluster(
     address: str,
     options: Options,
     report: Progress,
+    timed: bool,
 ) -> Sweep:
-    """The sweep of a scene file on a cluster."""
+    """The sweep of a scene, which is that of the source, on a cluster.
+
+    timed : raise CommandError if times cannot be taken.
+    """
     check_address(address)
-    source, scene = of_file(path)
     start = clock_time.perf_counter()
     with connected(address, options.timeout) as client:
         cluster: Cluster[Any] = Cluster(client)
         errors.print(f"{address}: {client.dashboard_link}")
-        made = sweep_on(cluster, source, scene, settings, moment, path.stem, repeats, seed, options, report, _say)
+        if timed and not cluster.alone():
+            raise CommandError(f"--plot or --html without times: {SHARED}", legal="--json or --csv")
+        made = sweep_on(cluster, source, scene, settings, moment, name, repeats, seed, options, report, _say)
     spent = clock_time.perf_counter() - start
     errors.print(f"{len(settings)} settings in {spent:.1f} s on {cluster.log.workers} workers")
     return made

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import shutil
 import time as clock_time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import ExitStack, nullcontext
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
@@ -27,6 +26,7 @@ from raymarch.cli.common import (
 )
 from raymarch.cli.progress import bar, watched
 from raymarch.cli.views import CHOICES, check_view, shown
+from raymarch.cluster.source import of_file
 from raymarch.errors import RenderWarning
 from raymarch.export import behind
 from raymarch.export.film import FILMS
@@ -36,6 +36,7 @@ from raymarch.export.sequence import (
     LONG,
     Contents,
     Item,
+    Parts,
     check_suffix,
     frames_of,
     is_large,
@@ -147,7 +148,7 @@ def run(
     ]
     if cluster is None and given:
         raise CommandError(f"{given[0]} without --cluster", legal="--cluster tcp://HOST:PORT or local:N")
-    found = load(scene)
+    source, found = (None, load(scene)) if cluster is None else of_file(scene)  # read once: it may be a pipe
     if samples is not None:  # before a quality is chosen by measurement
         found = found.replace(quality=found.quality.replace(samples=samples))
     params, sweep = parse_sweeps(set_ or [])
@@ -168,17 +169,19 @@ def run(
         raise CommandError(f"--view {view} with all arrays", legal="no --view")
     film = suffix in FILMS
     shot = Shot((width, height), ".png" if film else suffix, params, view, outputs, alpha, layers, strict)
-    if cluster is not None:
+    if cluster is not None and source is not None:
         from raymarch.cli.on_cluster import Where, render_on_cluster  # Dask takes tenths of a second to import
         from raymarch.cluster.submit import TIMEOUT, Options
 
         if error is not None or within is not None:
             raise CommandError("--error or --within with --cluster", legal="--quality, or a quality in the scene")
         options = Options(mixed_drivers, split_samples or 1, batch, task_timeout or TIMEOUT, backend, device)
-        chosen = found.quality if quality is None else found.quality.to_preset(quality)
+        found = found if quality is None else found.replace(quality=found.quality.to_preset(quality))
         where = Where(cluster, workers, options)
-        drawn, key = render_on_cluster(scene, chosen, shot, items, target, frames is not None, where)
-        join(target, drawn, fps, (width, height), key)
+        with ExitStack() as stack:
+            drawn, key, parts = render_on_cluster(source, found, shot, items, target, frames is not None, where, stack)
+            if parts is not None:
+                join(target, drawn, fps, (width, height), key, parts)
         return
     large = frames is None and view == "final" and is_large((width, height)) and suffix in FORMATS
     if large:
@@ -192,56 +195,56 @@ def run(
         items = tiles_of(target, items[0].time, (width, height), EDGE, CommandError)
         shot = replace(shot, suffix=".png")
     key = None
-    with (
-        Renderer(items[0].size, backend, device) as renderer,
-        bar("drawing", len(items)) as progress,
-        warnings.catch_warnings(),
-        behind.film(target, items[0].file.parent, fps, CommandError) if film else nullcontext() as add,
-        behind.in_order() as later,
-    ):
-        warnings.simplefilter("ignore", RenderWarning)  # printed below, one on each line
-        found = found.replace(quality=chooser(found, renderer, items[0].time, params))
-        contents = Contents(found, shot, renderer)
-        for i, item in enumerate(items):
-            start = clock_time.perf_counter()
-            tell = partial(lambda before, share: progress(before + share), i)
-            file = item.file
-            if sweep is not None:
-                shot = replace(shot, params=params | sweep(i / max(1, len(items) - 1)))
-            if renderer.size != item.size:
-                renderer.resize(item.size)
-            if shot.suffix == ".png":
-                key = key_of(contents.of(item, shot.params), renderer.context.driver)
-                if (frames is not None or large) and key is not None and is_whole(file, [key]):
-                    if not large:
-                        later(partial(errors.print, f"{file}  is already drawn"))
-                    if add is not None:
-                        add(file)
-                    continue
-            frame, doubts = draw(renderer, found, shot, item.time, item.part, tell)
-            view_result = shown(renderer, frame, view, found, shot.params, tell)
-            image = cache(view_result.image)
-            writer = encoder(shot, frame, image, view_result.numbers, key)
-            if film or large:
-                file.parent.mkdir(exist_ok=True)
-            if add is not None:
-                add(image())
+    with Parts(items, target, CommandError) if film or large else nullcontext() as parts:
+        with (
+            Renderer(items[0].size, backend, device) as renderer,
+            bar("drawing", len(items)) as progress,
+            warnings.catch_warnings(),
+            behind.film(target, items[0].file.parent, fps, CommandError) if film else nullcontext() as add,
+            behind.in_order() as later,
+        ):
+            warnings.simplefilter("ignore", RenderWarning)  # printed below, one on each line
+            found = found.replace(quality=chooser(found, renderer, items[0].time, params))
+            contents = Contents(found, shot, renderer)
+            for i, item in enumerate(items):
+                start = clock_time.perf_counter()
+                tell = partial(lambda before, share: progress(before + share), i)
+                if sweep is not None:
+                    shot = replace(shot, params=params | sweep(i / max(1, len(items) - 1)))
+                if renderer.size != item.size:
+                    renderer.resize(item.size)
+                if shot.suffix == ".png":
+                    content = contents.of(item, shot.params)
+                    key = key_of(content, renderer.context.driver)
+                    if parts is not None:
+                        item = parts.placed(item, content)
+                    if (frames is not None or large) and key is not None and is_whole(item.file, [key]):
+                        if not large:
+                            later(partial(errors.print, f"{item.file}  is already drawn"))
+                        if add is not None:
+                            add(item.file)
+                        continue
+                frame, doubts = draw(renderer, found, shot, item.time, item.part, tell)
+                view_result = shown(renderer, frame, view, found, shot.params, tell)
+                image = cache(view_result.image)
+                writer = encoder(shot, frame, image, view_result.numbers, key)
+                if add is not None:
+                    add(image())
+                if large:
+                    tell_end = partial(progress, i + 1)
+                else:
+                    by = f"{renderer.context.backend}: {renderer.context.driver.renderer}"
+                    words = f"{width}x{height}  {frame.milliseconds:.1f} ms to draw ({renderer.clock.kind})"
+                    tell_end = partial(_report, item.file, words, start, by, doubts, view_result.lines)
+                later(partial(_save, item.file, writer, tell_end))
+                del frame, view_result, image  # the next frame then reads no arrays of this one
+            drawn_at = clock_time.perf_counter()
             if large:
-                tell_end = partial(progress, i + 1)
-            else:
-                by = f"{renderer.context.backend}: {renderer.context.driver.renderer}"
-                words = f"{width}x{height}  {frame.milliseconds:.1f} ms to draw ({renderer.clock.kind})"
-                tell_end = partial(_report, file, words, start, by, doubts, view_result.lines)
-            later(partial(_save, file, writer, tell_end))
-            del frame, view_result, image  # the next frame then reads no arrays of this one
-        drawn_at = clock_time.perf_counter()
-        if large:
-            key = key_of(Contents(found, whole_shot).of(whole), renderer.context.driver)
-    if film:
-        shutil.rmtree(items[0].file.parent)
-        _report_joined(target, f"{len(items)} frames, {len(items) / fps:g} s", drawn_at)
-    else:
-        join(target, items, fps, (width, height), key)
+                key = key_of(Contents(found, whole_shot).of(whole), renderer.context.driver)
+        if film and parts is not None:
+            _report_joined(target, f"{len(items)} frames, {len(items) / fps:g} s", drawn_at, parts)
+        elif parts is not None:
+            join(target, parts.all(items), fps, (width, height), key, parts)
 
 
 def _save(file: Path, writer: Callable[[Path], None], tell_end: Callable[[], None]) -> None:
@@ -258,22 +261,22 @@ def _report(file: Path, drawn: str, start: float, by: str, doubts: list[str], li
         typer.echo(line)
 
 
-def _report_joined(target: Path, what: str, start: float) -> None:
+def _report_joined(target: Path, what: str, start: float, parts: Parts) -> None:
     errors.print(f"{target}  {what}, {clock_time.perf_counter() - start:.1f} s to encode")
+    if note := parts.finish():
+        errors.print(f"raymarch: {note}")
 
 
-def join(target: Path, items: list[Item], fps: float, size: tuple[int, int], key: str | None = None) -> None:
-    """Write a film of its frames, or a picture of its tiles. Nothing, if the items are the output."""
+def join(target: Path, items: Sequence[Item], fps: float, size: tuple[int, int], key: str | None, parts: Parts) -> None:
+    """Write a film of its frames, or a picture of its tiles, and remove them."""
     start = clock_time.perf_counter()
     if target.suffix.lower() in FILMS:
         join_film(target, items, fps, CommandError)
         what = f"{len(items)} frames, {len(items) / fps:g} s"
-    elif items[0].part is not None:
+    else:
         join_tiles(target, items, key, CommandError)
         what = f"{size[0]}x{size[1]}, {len(items)} tiles"
-    else:
-        return
-    _report_joined(target, what, start)
+    _report_joined(target, what, start, parts)
 
 
 def _check_alpha(target: Path, view: str) -> None:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Timer
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from raymarch.cli.common import CommandError, SceneFile, Settings, errors, parse_settings, parse_size
-from raymarch.errors import SceneError
+from raymarch.files import read_json, reading
 
 SLOW = 2.0
 """Seconds after which the start is reported: a scene file may take long, or never end."""
@@ -59,13 +58,14 @@ def run(
         raise CommandError(f"--budget {budget:g}", legal="1 to 10000 milliseconds")
     if demo_seconds is not None and not 0.0 <= demo_seconds <= 86_400.0:
         raise CommandError(f"--demo-seconds {demo_seconds:g}", legal="0 to 86400")
-    from raymarch.window.accuracy import measured_stops
+    from raymarch.window.accuracy import MEASURED, Stop, measured_stops
     from raymarch.window.viewer import Viewer  # imports glfw: only when a window opens
 
-    try:
-        stops = () if cost is None else measured_stops(_read(cost))
-    except SceneError as fault:
-        raise CommandError(f"--cost {cost}: {fault.what}", legal=fault.legal) from None
+    stops: tuple[Stop, ...] = ()
+    if cost is not None:
+        measured = read_json("--cost", cost, MEASURED, CommandError)
+        with reading("--cost", cost, MEASURED, CommandError):
+            stops = measured_stops(measured)
     with _said_if_slow(f"loading {scene} (Ctrl+C to stop)"):
         params = parse_settings(set_ or [])
         viewer = Viewer(scene, parse_size(size), params, budget, settings, log, samples, panel, stops)
@@ -73,10 +73,3 @@ def run(
     if code == 2 and viewer.model.fault is not None:  # the message in the window is gone
         errors.print(f"raymarch: {viewer.model.fault.text()}")
     sys.exit(code)
-
-
-def _read(file: Path) -> Any:
-    try:
-        return json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as fault:
-        raise CommandError(f"--cost {file}: {fault}", legal="a file that raymarch cost --json wrote") from None

@@ -68,6 +68,7 @@ def _local(distributed: Any, number: int, timeout: float) -> Iterator[Any]:
     """Workers on this machine, each a process with one thread for tasks and its share of the cores for Mesa."""
     import dask
 
+    import_optional("--cluster local", "cryptography", "cluster", ClusterError)
     threads = max(1, (os.cpu_count() or 1) // number)
     settings = {
         "distributed.scheduler.allowed-failures": FAILURES,
@@ -82,6 +83,7 @@ def _local(distributed: Any, number: int, timeout: float) -> Iterator[Any]:
             threads_per_worker=1,
             dashboard_address="localhost:0",
             silence_logs=logging.CRITICAL,
+            security=distributed.Security.temporary(),  # others on this machine could run code as its user
             env={"LP_NUM_THREADS": os.environ.get("LP_NUM_THREADS", str(threads))},
         ) as cluster,
         distributed.Client(cluster, set_as_default=False, direct_to_workers=True) as client,

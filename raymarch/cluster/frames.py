@@ -8,6 +8,7 @@ import uuid
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from itertools import islice, pairwise
@@ -18,11 +19,11 @@ from typing import Any, TypeVar
 from raymarch.cluster.source import Source, of_file, of_scene
 from raymarch.cluster.submit import RETRIES, TIMEOUT, Cluster, Failed, Options
 from raymarch.cluster.worker import Done, Refused, draw_batch, draw_item, merge
-from raymarch.errors import ClusterError, RaymarchError, RenderWarning, SceneError
+from raymarch.errors import ClusterError, RaymarchError, RenderWarning, SceneError, warn
 from raymarch.export import stills
 from raymarch.export.behind import in_order
 from raymarch.export.film import FILMS
-from raymarch.export.sequence import Contents, Item, frames_of, join_film
+from raymarch.export.sequence import Contents, Item, Parts, frames_of, join_film
 from raymarch.export.stills import Shot, is_whole, key_of
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import instance, integer, optional, real, short, switch
@@ -55,9 +56,11 @@ def draw_items(
     options: Options,
     tell: Callable[[str], None],
     error: type[RaymarchError] = ClusterError,
+    parts: Parts | None = None,
 ) -> Iterator[tuple[Item, Outcome]]:
     """Draw what is missing, write each picture under its name when it arrives, and yield it with its outcome.
 
+    parts : names the files, if the pictures are parts of a film or of a picture.
     scene : of the source, with the quality to use. tell : called with notes. Raises ClusterError before anything is
     drawn if the scene, the options or the workers do not allow it.
     """
@@ -86,6 +89,8 @@ def draw_items(
             except RaymarchError as fault:
                 settled.append((item, Refused(str(fault))))
                 continue
+            if parts is not None:
+                item = parts.placed(item, content)
             keys = [key_of(content, machine.driver) for machine in job.machines]
             if shot.suffix == ".png" and is_whole(item.file, keys):
                 settled.append((item, None))
@@ -219,27 +224,29 @@ def render_frames(
     alpha, strict = switch("render_frames: alpha", alpha), switch("render_frames: strict", strict)
     form = ".png" if suffix in FILMS else suffix
     shot = Shot((width, height), form, dict(params or {}), alpha=alpha, strict=strict)
-    if suffix in FILMS:
-        items[0].file.parent.mkdir(exist_ok=True)
-    if client is None:
-        made = scene if isinstance(scene, Scene) else of_file(scene)[1]
-        failed = _draw_here(made, shot, items, backend, device)
-    else:
-        distributed = import_optional("render_frames with a client", "distributed", "cluster", ClusterError)
-        instance("render_frames: client", client, distributed.Client, "a distributed.Client, or None")
-        source, made = (of_scene(scene), scene) if isinstance(scene, Scene) else of_file(scene)
-        split = integer("render_frames: split_samples", split_samples, 1, 4096)
-        timeout = real("render_frames: task_timeout", task_timeout, 1.0, 1e9, "seconds >= 1")
-        together = optional(integer, "render_frames: batch", batch, 1, 10**6)
-        options = Options(mixed_drivers, split, together, timeout, backend, device)
-        cluster: Cluster[Any] = Cluster(client, resources)
-        drawn = draw_items(cluster, source, made, shot, items, options, warnings.warn)
-        failed = [(item, outcome) for item, outcome in drawn if isinstance(outcome, Refused | Failed)]
-    if failed:
-        raise ClusterError("; ".join(failures(failed)))
-    if suffix not in FILMS:
-        return [item.file for item in items]
-    join_film(target, items, fps)
+    with Parts(items, target) if suffix in FILMS else nullcontext() as parts:
+        outcomes: Iterable[tuple[Item, Outcome]]
+        if client is None:
+            made = scene if isinstance(scene, Scene) else of_file(scene)[1]
+            outcomes = _draw_here(made, shot, items, backend, device, parts)
+        else:
+            distributed = import_optional("render_frames with a client", "distributed", "cluster", ClusterError)
+            instance("render_frames: client", client, distributed.Client, "a distributed.Client, or None")
+            source, made = (of_scene(scene), scene) if isinstance(scene, Scene) else of_file(scene)
+            split = integer("render_frames: split_samples", split_samples, 1, 4096)
+            timeout = real("render_frames: task_timeout", task_timeout, 1.0, 1e9, "seconds >= 1")
+            together = optional(integer, "render_frames: batch", batch, 1, 10**6)
+            options = Options(mixed_drivers, split, together, timeout, backend, device)
+            cluster: Cluster[Any] = Cluster(client, resources)
+            outcomes = draw_items(cluster, source, made, shot, items, options, warnings.warn, parts=parts)
+        failed = [(item, outcome) for item, outcome in outcomes if isinstance(outcome, Refused | Failed)]
+        if failed:
+            raise ClusterError("; ".join(failures(failed)))
+        if parts is None:
+            return [item.file for item in items]
+        join_film(target, parts.all(items), fps)
+        if note := parts.finish():
+            warn(note)
     return [target]
 
 
@@ -264,23 +271,24 @@ def failures(failed: Sequence[tuple[Item, Refused | Failed]]) -> list[str]:
 
 
 def _draw_here(
-    scene: Scene, shot: Shot, items: Sequence[Item], backend: str, device: int | None
-) -> list[tuple[Item, Refused | Failed]]:
-    """Draw what is missing in this process. Returns what could not be drawn."""
+    scene: Scene, shot: Shot, items: Sequence[Item], backend: str, device: int | None, parts: Parts | None
+) -> Iterator[tuple[Item, Refused]]:
+    """Draw what is missing in this process. Yields what could not be drawn."""
     check_scene("render_frames", scene)
-    failed: list[tuple[Item, Refused | Failed]] = []
     with Renderer(items[0].size, backend, device) as renderer, warnings.catch_warnings(), in_order() as later:
         warnings.simplefilter("ignore", RenderWarning)
         contents = Contents(scene, shot, renderer)
         for item in items:
             try:
-                key = key_of(contents.of(item), renderer.context.driver)
+                content = contents.of(item)
+                key = key_of(content, renderer.context.driver)
+                if parts is not None:
+                    item = parts.placed(item, content)
                 if shot.suffix == ".png" and key is not None and is_whole(item.file, [key]):
                     continue
                 frame, _ = stills.draw(renderer, scene, shot, item.time)
             except RaymarchError as fault:
-                failed.append((item, Refused(str(fault))))
+                yield item, Refused(str(fault))
                 continue
             later(partial(write, item.file, stills.view_encoder(shot, frame, scene, key)))
             del frame
-    return failed

@@ -7,13 +7,13 @@ import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import PIL
 
 import raymarch
 from raymarch.errors import ClusterError
+from raymarch.files import sources
 from raymarch.gpu.context import Driver
 
 
@@ -36,11 +36,9 @@ class Machine:
 @cache
 def package() -> str:
     """The version of this package, and a hash of its files."""
-    root = Path(raymarch.__file__).parent
     made = hashlib.sha256()
-    for file in sorted(root.rglob("*")):
-        if file.suffix in (".py", ".glsl", ".html"):
-            made.update(file.relative_to(root).as_posix().encode() + b"\0" + file.read_bytes())
+    for name, content in sources(""):
+        made.update(name.encode() + b"\0" + content)
     return f"{raymarch.__version__} ({made.hexdigest()[:8]})"
 
 

@@ -156,7 +156,7 @@ def _reference(source: Source, job: Job, moment: Moment, ideal: tuple[tuple[str,
             scene = STATE.scene(source, job.quality)
         return reference(ideal_of(scene, ideal), moment.size, moment.time, moment.params, moment.samples)
     except RaymarchError as fault:
-        return Refused(str(fault))
+        return Refused.by(fault)
 
 
 def _examine(
@@ -174,7 +174,7 @@ def _examine(
                 found.all_evaluations = evaluations_of(setting.of(scene), own, moment.time, moment.params)
             return replace(found, known=None)  # type: ignore[arg-type]  # the client has it
     except RaymarchError as fault:
-        return Refused(str(fault))
+        return Refused.by(fault)
 
 
 def _time(
@@ -198,4 +198,4 @@ def _time(
                 walls[i].append(took[1])
             return Times(claimed, walls, environment(renderer), check_clock(renderer))
     except RaymarchError as fault:
-        return Refused(str(fault))
+        return Refused.by(fault)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import faulthandler
+import os
 import sys
 import tempfile
 import threading
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from raymarch.cluster.machines import Machine, libraries, package
-from raymarch.cluster.source import Source
+from raymarch.cluster.source import Source, without_folder
 from raymarch.errors import DeviceError, RaymarchError, RenderWarning, SceneError
 from raymarch.export.sequence import Contents, Item
 from raymarch.export.stills import Shot, draw, key_of, save, view_encoder
@@ -87,6 +88,11 @@ class Refused:
     message: str
     worker: str = ""
 
+    @classmethod
+    def by(cls, fault: RaymarchError) -> Refused:
+        """Of an error on this worker."""
+        return cls(without_folder(str(fault)), address())
+
 
 class _State:
     """What a worker process keeps between tasks."""
@@ -146,11 +152,12 @@ def limited(seconds: float) -> Iterator[None]:
 
     Dask has no time limit of its own for tasks.
     """
-    faulthandler.dump_traceback_later(seconds, exit=True, file=sys.__stderr__ or sys.stderr)
-    try:
-        yield
-    finally:
-        faulthandler.cancel_dump_traceback_later()
+    with open(os.devnull, "w") as nowhere:  # for a process without a stream of errors
+        faulthandler.dump_traceback_later(seconds, exit=True, file=sys.__stderr__ or sys.stderr or nowhere)
+        try:
+            yield
+        finally:
+            faulthandler.cancel_dump_traceback_later()
 
 
 @contextmanager
@@ -194,7 +201,7 @@ def draw_item(source: Source, job: Job, item: Item, content: str | None) -> Done
             made = _content(job.shot, view_encoder(job.shot, frame, scene, key_of(content, renderer.context.driver)))
             return Done(frame.milliseconds, clock_time.perf_counter() - start, address(), doubts, made)
     except RaymarchError as fault:
-        return Refused(str(fault), address())
+        return Refused.by(fault)
 
 
 def _content(shot: Shot, write: Callable[[Path], object]) -> bytes:

@@ -6,7 +6,7 @@ Only figures that do not depend on time are in it, so another machine of the sam
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,8 @@ from raymarch.cost.effects import evaluations_of
 from raymarch.cost.errors import measure
 from raymarch.cost.reference import Reference
 from raymarch.errors import CostError
+from raymarch.expr.convert import integer, real, short
+from raymarch.files import read_json, reading
 from raymarch.scene.quality import PRESETS
 from raymarch.scene.scene import Scene
 
@@ -31,8 +33,12 @@ SLACK = {
     "normal_p99": 2e-3,
 }
 """What is allowed in addition: processors that fuse products and sums differ by some units in the last place."""
+OF_ALL_RAYS = "all_evaluations"
+"""The figure that only the scene's own quality has."""
 COUNTS = ("missed", "false")
 """Figures that may not grow at all."""
+MOST = 1 << 14
+"""Maximum number of pixels of a picture along an edge."""
 LEGAL = "a file that raymarch cost --write-baseline wrote"
 
 Row = dict[str, Any]
@@ -69,7 +75,7 @@ def measured(
 ) -> dict[str, Row]:
     """The rows of a scene: its own quality with the evaluations of all its rays, and every preset."""
     rows = {OWN: row_of(scene, known, renderer, time, params)}
-    rows[OWN]["all_evaluations"] = round(evaluations_of(scene, renderer, time, params), 3)
+    rows[OWN][OF_ALL_RAYS] = round(evaluations_of(scene, renderer, time, params), 3)
     for preset in PRESETS:
         changed = scene.replace(quality=scene.quality.to_preset(preset))
         rows[preset] = row_of(changed, known, renderer, time, params)
@@ -110,27 +116,28 @@ def summary(name: str, record: Record, now: Mapping[str, Row], faults: int) -> s
 
 def read(file: Path) -> dict[str, Record]:
     """The records of a baseline by scene. CostError if the file is not one."""
-    try:
-        stored = json.loads(file.read_text(encoding="utf-8"))
+    stored = read_json("baseline", file, LEGAL, CostError)
+    with reading("baseline", file, LEGAL, CostError):
         if stored["format"] != FORMAT:
-            raise CostError(f"{file}: format {stored['format']}", legal=f"format {FORMAT}")
+            raise CostError(f"another version wrote it, format {short(stored['format'])}", legal=f"format {FORMAT}")
         return {str(name): _record(values) for name, values in stored["scenes"].items()}
-    except FileNotFoundError:
-        raise CostError(f"{file}: no such file", legal=LEGAL) from None
-    except OSError as fault:
-        raise CostError(f"{file}: {fault.strerror}", legal=LEGAL) from None
-    except (ValueError, KeyError, TypeError, AttributeError):
-        raise CostError(f"{file} is not a baseline", legal=LEGAL) from None
 
 
 def _record(values: Any) -> Record:
-    width, height = values["size"]
-    rows = {str(name): dict(row) for name, row in values["rows"].items()}
-    for name in (OWN, *PRESETS):
-        if not {"missed", "false", *SLACK} - {"all_evaluations"} <= rows[name].keys():
-            raise KeyError(name)
-    _ = rows[OWN]["all_evaluations"]
-    return Record((int(width), int(height)), float(values["time"]), dict(values["params"]), rows)
+    width, height = (integer("size", side, 1, MOST) for side in values["size"])
+    rows = values["rows"]
+    _check_names("settings", rows, (OWN, *PRESETS))
+    for name, row in rows.items():
+        _check_names(f"figures of '{name}'", row, [f for f in (*COUNTS, *SLACK) if name == OWN or f != OF_ALL_RAYS])
+        for figure, value in row.items():
+            if value is not None:
+                real(f"{name}: {figure}", value, 0.0)
+    return Record((width, height), real("time", values["time"]), dict(values["params"]), rows)
+
+
+def _check_names(what: str, given: Mapping[str, Any], known: Sequence[str]) -> None:
+    if given.keys() != set(known):
+        raise CostError(f"another version wrote it, with the {what} {short(', '.join(given))}", legal=", ".join(known))
 
 
 def as_text(records: Mapping[str, Record]) -> str:

@@ -6,7 +6,6 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from raymarch.expr.node import Expr
 from raymarch.expr.samples import Samples
 from raymarch.expr.texels import Texels
 from raymarch.expr.walk import topological
+from raymarch.files import sources
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import Spec
 from raymarch.scene.quality import Quality
@@ -82,11 +82,9 @@ class _Instances:
 @cache
 def code_key() -> str:
     """Digest of the code that computes references, so that a change of the code invalidates the cache."""
-    home = Path(__file__).parents[1]
     code = hashlib.sha256(np.__version__.encode())
-    files = [file for package in PACKAGES for file in sorted((home / package).rglob("*.py"))]
-    for file in (*files, Path(__file__).with_name("reference.py")):
-        code.update(file.name.encode() + file.read_bytes())
+    for name, content in sources(*PACKAGES, "cost/reference.py"):
+        code.update(name.encode() + content)
     return code.hexdigest()
 
 

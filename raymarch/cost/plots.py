@@ -11,7 +11,7 @@ from raymarch.cost.answer import figures
 from raymarch.cost.settings import differences
 from raymarch.cost.sweep import METRICS, Point, Sweep
 from raymarch.cost.text import labelled, worth
-from raymarch.errors import CostError
+from raymarch.errors import CostError, printable
 from raymarch.files import import_optional
 
 STYLES = {
@@ -41,7 +41,11 @@ def figure(made: Sweep, metric: str = "pixels_p99") -> Any:
     draw_evaluations(axes[1], made)
     if columns == 3:
         draw_relative(axes[2], steps, "plain")
-    drawn.suptitle(f"{made.name}, {made.known.size[0]}x{made.known.size[1]}, {_measured(made)}", fontsize=9)
+    drawn.suptitle(
+        f"{printable(made.name)}, {made.known.size[0]}x{made.known.size[1]}, {_measured(made)}",
+        fontsize=9,
+        parse_math=False,
+    )
     return drawn
 
 

@@ -1,14 +1,16 @@
-"""Films: MP4 and WebM by PyAV, GIF by Pillow. The same pictures give the same bytes."""
+"""Films: MP4 and WebM by PyAV, GIF by Pillow, with one picture in memory. The same pictures give the same bytes."""
 
 from __future__ import annotations
 
+import io
+import struct
 from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageChops
 
 from raymarch.errors import SceneError
 
@@ -18,22 +20,25 @@ CODECS: Mapping[str, tuple[str, str, Mapping[str, str]]] = {
 }
 """Container, codec and options of each suffix. One thread, so that the bytes do not depend on the machine's cores."""
 
-OPTIONS = {"fflags": "+bitexact", "movflags": "+faststart"}
+OPTIONS = {"mp4": {"fflags": "+bitexact", "movflags": "+faststart"}, "webm": {"fflags": "+bitexact"}}
 """Options of containers: no random identifiers, and a player may start before it has the whole film."""
 
 FILMS = (*CODECS, ".gif")
 
-FASTEST_GIF = 100.0
-"""The most frames per second of a GIF, whose delays are whole hundredths of a second."""
+RATES = {".gif": (0.002, 100.0), ".mp4": (0.001, 1000.0), ".webm": (0.001, 1000.0)}
+"""The least and the most frames per second. The delays of a GIF are whole hundredths of a second."""
 
 
 def check_film(file: Path, size: tuple[int, int], fps: float) -> None:
     """SceneError if a film of this size cannot be written: a package or codec is missing, or the format has no such
     size or rate."""
     suffix = file.suffix.lower()
+    least, most = RATES[suffix]
+    if not least <= fps <= most:
+        raise SceneError(f"fps = {fps:g} for a {suffix}", legal=f"from {least:g} to {most:g}")
     if suffix == ".gif":
-        if fps > FASTEST_GIF:
-            raise SceneError(f"fps = {fps:g} for a .gif", legal=f"up to {FASTEST_GIF:g}, or .mp4")
+        if max(size) > 0xFFFF:
+            raise SceneError(f"{size[0]}x{size[1]} for a .gif", legal="edges up to 65535 pixels")
         return
     try:
         import av
@@ -54,11 +59,49 @@ def write_film(file: Path, suffix: str, pictures: Iterable[Image.Image], fps: fl
 
 
 def _write_gif(file: Path, pictures: Iterator[Image.Image], fps: float) -> None:
-    """Each picture has its own 256 colours. Delays are rounded so that their sum is right."""
-    first, *rest = [picture.convert("RGB").quantize(dither=Image.Dither.FLOYDSTEINBERG) for picture in pictures]
-    ends = [round(100 * (i + 1) / fps) for i in range(len(rest) + 1)]
-    delays = [10 * (end - start) for start, end in zip([0, *ends], ends, strict=False)]
-    first.save(file, "GIF", save_all=True, append_images=rest, duration=delays, loop=0, optimize=False)
+    """Each picture has its own 256 colours, and only the box of pixels that changed.
+
+    Delays are rounded so that their sum is right. A picture equal to the last one prolongs its delay.
+    """
+    with file.open("wb") as out:
+        shown: Image.Image | None = None
+        block, start, number = b"", 0, 0
+        for number, picture in enumerate(pictures):
+            coded = picture.convert("RGB").quantize(dither=Image.Dither.FLOYDSTEINBERG)
+            new = coded.convert("RGB")
+            box = (0, 0, *new.size) if shown is None else ImageChops.difference(new, shown).getbbox()
+            if shown is None:
+                out.write(b"GIF89a" + struct.pack("<2H3x", *new.size) + b"!\xff\x0bNETSCAPE2.0\x03\x01\0\0\0")
+            if box is None:
+                continue
+            start = _show(out, block, start, round(100 * number / fps))
+            shown, block = new, _gif_block(coded.crop(box), box[:2])
+        _show(out, block, start, round(100 * (number + 1) / fps))
+        out.write(b";")
+
+
+def _gif_block(picture: Image.Image, corner: tuple[int, int]) -> bytes:
+    """A picture as a block of a GIF with colours of its own: Pillow's file of it, without its header."""
+    buffer = io.BytesIO()
+    picture.save(buffer, "GIF", interlace=False, optimize=False)
+    made = buffer.getvalue()
+    table = made[10] & 7
+    end = at = 13 + 3 * (2 << table)
+    while made[at] == ord("!"):  # extensions
+        at += 2
+        while made[at]:
+            at += made[at] + 1
+        at += 1
+    return struct.pack("<c4HB", b",", *corner, *picture.size, 0x80 | table) + made[13:end] + made[at + 10 : -1]
+
+
+def _show(out: BinaryIO, block: bytes, start: int, end: int) -> int:
+    """Write a block that is shown from `start` to `end`, in hundredths of a second, and return the end."""
+    while block and end > start:
+        delay = min(end - start, 0xFFFF)
+        out.write(b"!\xf9\x04\x04" + struct.pack("<Hxx", delay) + block)
+        start += delay
+    return end
 
 
 def _write_video(file: Path, suffix: str, pictures: Iterable[Image.Image], fps: float) -> None:
@@ -68,7 +111,7 @@ def _write_video(file: Path, suffix: str, pictures: Iterable[Image.Image], fps: 
 
     container, codec, options = CODECS[suffix]
     try:
-        with av.open(str(file), "w", format=container, options=dict(OPTIONS)) as out:
+        with av.open(str(file), "w", format=container, options=dict(OPTIONS[container])) as out:
             stream: Any = None
             for picture in pictures:
                 if stream is None:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Iterator, Mapping, Sequence
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from PIL import Image
 from raymarch.errors import RaymarchError, SceneError
 from raymarch.export.film import FILMS, check_film, write_film
 from raymarch.export.stills import FORMATS, NUMBERS, Shot, content_of, save
-from raymarch.files import import_optional, written
+from raymarch.files import UNFINISHED, import_optional, written
 from raymarch.gpu.part import Part, prepared_part
 from raymarch.gpu.prepare import Prepared, prepare
 from raymarch.gpu.renderer import Renderer
@@ -24,8 +24,16 @@ from raymarch.gpu.tiles import split
 from raymarch.scene.parameter import ParamValue
 from raymarch.scene.scene import Scene
 
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
 LARGE, LONG = 1 << 24, 1 << 14
 """Pictures with more pixels or a longer edge are drawn in tiles, each of which is a file until all are drawn."""
+
+MOST_FRAMES = 200_000
+"""Most frames of a film or of a sequence: two hours of 24 each second."""
 
 EDGE = 1024
 """Largest edge of a tile in pixels."""
@@ -66,6 +74,8 @@ def frames_of(
     """
     suffix = target.suffix.lower()
     check_suffix(target, error)
+    if len(numbers) > MOST_FRAMES:
+        raise error(f"{option}: {len(numbers)} frames", legal=f"up to {MOST_FRAMES}; more in several files")
     if suffix in FILMS:
         check_film(target, size, fps)
         if not target.parent.is_dir():
@@ -74,7 +84,10 @@ def frames_of(
         return [Item(f"frame {i}", i / fps, folder / f"frame_{i:06d}.png", size) for i in numbers]
     if suffix == ".exr":
         import_optional(f"'{target}'", "OpenEXR", "exr")
-    return [Item(f"frame {i}", i / fps, target.with_name(_numbered(target, i, option, error)), size) for i in numbers]
+    files = [_numbered(target, i, option, error) for i in numbers]
+    if len(set(files)) < len(set(numbers)):
+        raise error(f"{option}: '{target}' gives several frames one name", legal="a field for the frame number: {:04d}")
+    return [Item(f"frame {i}", i / fps, file, size) for i, file in zip(numbers, files, strict=True)]
 
 
 def check_suffix(target: Path, error: type[RaymarchError] = SceneError) -> None:
@@ -121,6 +134,87 @@ def _parts_folder(target: Path, what: str) -> Path:
     return target.with_name(f"{target.name}.{what}")
 
 
+class Parts:
+    """The folder of the frames of a film, or of the tiles of a picture, until it is complete.
+
+    The name of a file has the hash of its content, so no file of another run or of the user is replaced or removed. In
+    its context no other command uses the folder. At the end the folder is removed if it is empty.
+
+    items : of which the first tells the folder. target : the film or the picture. Raises `error` without the folder.
+    """
+
+    def __init__(self, items: Sequence[Item], target: Path, error: type[RaymarchError] = SceneError) -> None:
+        self.folder, self._target, self._error = items[0].file.parent, target, error
+        self._placed: dict[str, Item] = {}
+        self._passing: list[Path] = []
+        self._handle = -1
+
+    def __enter__(self) -> Self:
+        try:
+            self.folder.mkdir(exist_ok=True)
+            if fcntl is not None:
+                self._handle = os.open(self.folder, os.O_RDONLY)
+                _lock(self._handle)
+            for left in self.folder.glob(f"{UNFINISHED}*"):  # of a command that was killed
+                left.unlink()
+        except OSError as fault:
+            if self._handle >= 0:
+                os.close(self._handle)
+            if isinstance(fault, BlockingIOError):
+                raise self._error(f"another command is writing '{self._target}'", legal="another name") from None
+            what = f"cannot write the parts of '{self._target}' in '{self.folder}': {fault.strerror}"
+            raise self._error(what, legal="a writable folder, or another name") from None
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        _remove(self._passing)
+        with suppress(OSError):
+            self.folder.rmdir()
+        if self._handle >= 0:
+            os.close(self._handle)
+
+    def placed(self, item: Item, content: str | None) -> Item:
+        """An item with the file of its content; without a content hash, a file that does not outlive the context."""
+        name = f"{item.file.stem}-{(content or os.urandom(8).hex())[:16]}{item.file.suffix}"
+        found = self._placed[item.name] = replace(item, file=self.folder / name)
+        if content is None:
+            self._passing.append(found.file)
+        return found
+
+    def all(self, items: Sequence[Item]) -> list[Item]:
+        """Items as they were placed."""
+        return [self._placed[item.name] for item in items]
+
+    def finish(self) -> str:
+        """Remove the files of the items. Returns a sentence about other files that stay in the folder, or ""."""
+        _remove(item.file for item in self._placed.values())
+        others: list[str] = []
+        with suppress(OSError):
+            others = sorted(os.listdir(self.folder))
+        if not others:
+            return ""
+        shown = ", ".join(f"'{name}'" for name in others[:3])
+        return (
+            f"'{self.folder}' keeps {len(others)} files of other runs or of yours: {shown}{' ...' * (len(others) > 3)}"
+        )
+
+
+def _lock(handle: int) -> None:
+    """Lock a file until its handle is closed. BlockingIOError if another handle has locked it."""
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise
+    except OSError:
+        pass  # a file system without locks
+
+
+def _remove(files: Iterable[Path]) -> None:
+    for file in files:
+        with suppress(OSError):
+            file.unlink()
+
+
 class Contents:
     """The content hashes of the pictures of one scene; see `content_of`.
 
@@ -152,14 +246,13 @@ class Contents:
 
 
 def join_film(target: Path, items: Sequence[Item], fps: float, error: type[RaymarchError] = SceneError) -> None:
-    """Write a film of pictures, and remove the pictures."""
+    """Write a film of pictures."""
     with written(target, error) as unfinished:
         write_film(unfinished, target.suffix.lower(), (Image.open(item.file) for item in items), fps)
-    shutil.rmtree(items[0].file.parent)
 
 
 def join_tiles(target: Path, items: Sequence[Item], key: str | None, error: type[RaymarchError] = SceneError) -> None:
-    """Write a picture of its tiles, and remove the tiles. One tile at a time is in memory.
+    """Write a picture of its tiles. One tile at a time is in memory.
 
     A large .tif is tiled (deflate); for other formats the picture is in memory, with 3 or 4 bytes a pixel.
     """
@@ -178,7 +271,6 @@ def join_tiles(target: Path, items: Sequence[Item], key: str | None, error: type
                     canvas.paste(tile, item.part.corner)
             assert canvas is not None
             save(canvas, unfinished, target.suffix.lower(), key)
-    shutil.rmtree(items[0].file.parent)
 
 
 def write_tiled(file: Path, size: tuple[int, int], items: Sequence[Item]) -> None:
@@ -209,15 +301,12 @@ def write_tiled(file: Path, size: tuple[int, int], items: Sequence[Item]) -> Non
         )
 
 
-def _numbered(target: Path, number: int, option: str, error: type[RaymarchError]) -> str:
-    """The file name of a frame: with a field of `str.format` or of `%`."""
-    name = target.name
-    with suppress(IndexError, KeyError, ValueError):
-        name = target.name.format(number)
-    if name == target.name:
-        with suppress(TypeError, ValueError):
-            name = target.name % number
-    if name == target.name:
-        what = f"{option} with the output '{target}'"
-        raise error(what, legal="a film (.mp4, .webm, .gif), or a field for the frame number: frame-{:04d}.png")
-    return name
+def _numbered(target: Path, number: int, option: str, error: type[RaymarchError]) -> Path:
+    """The file of a frame: its name has a field of `str.format` or of `%`."""
+    for form in (target.name.format, target.name.__mod__):
+        with suppress(LookupError, ValueError, TypeError, AttributeError, OverflowError):
+            name = form(number)
+            if name != form(number + 1):  # as for {{}}, which is no field
+                return target.with_name(name)
+    what = f"{option} with the output '{target}'"
+    raise error(what, legal="a film (.mp4, .webm, .gif), or a field for the frame number: frame-{:04d}.png")

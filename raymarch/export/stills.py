@@ -6,6 +6,7 @@ Each PNG file holds a key of all that it shows, so a rerun draws only what is mi
 from __future__ import annotations
 
 import hashlib
+import io
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +17,7 @@ from PIL import Image, PngImagePlugin, UnidentifiedImageError
 
 import raymarch
 from raymarch.errors import RenderError
+from raymarch.expr.images import write_channels
 from raymarch.gpu.context import Driver
 from raymarch.gpu.frame import Frame
 from raymarch.gpu.part import Part
@@ -24,7 +26,6 @@ from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.scale import with_bar
 from raymarch.gpu.views import light, picture, scale_of
 from raymarch.plan import OUTPUTS, lights
-from raymarch.scene.images import write_channels
 from raymarch.scene.parameter import ParamValue, set_values
 from raymarch.scene.scene import Scene
 
@@ -118,6 +119,8 @@ def key_of(content: str | None, driver: Driver) -> str | None:
 
 def is_whole(file: Path, keys: Collection[str | None]) -> bool:
     """True if a file holds a picture with one of these keys, and all of it."""
+    if not file.is_file():  # to read a pipe would wait
+        return False
     try:
         with Image.open(file) as found:
             found.load()
@@ -132,7 +135,9 @@ def save(image: Image.Image, file: Path, suffix: str, key: str | None) -> None:
     entries = PngImagePlugin.PngInfo()
     if key is not None:
         entries.add_text(ENTRY, key)
-    image.save(file, FORMATS[suffix], **({"pnginfo": entries} if suffix == ".png" else {}))
+    made = io.BytesIO()  # Pillow's encoders in C do not notice a disk that takes a part only
+    image.save(made, FORMATS[suffix], **({"pnginfo": entries} if suffix == ".png" else {}))
+    file.write_bytes(made.getbuffer())
 
 
 def draw(

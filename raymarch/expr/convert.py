@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import os
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
 import numpy as np
@@ -146,15 +147,49 @@ def file_path(what: str, value: Any, legal: str) -> str:
     return path
 
 
+_started = ""
+"""The working directory in which the present scene file was started; "" for the current one."""
+
+
+@contextmanager
+def working_directory_kept() -> Iterator[None]:
+    """A context whose code may change the working directory, as a scene file may."""
+    global _started
+    before, _started = _started, _here()
+    try:
+        yield
+    finally:
+        if _started and _started != _here():
+            os.chdir(_started)
+        _started = before
+
+
+def _here() -> str:
+    """The working directory; "" if it was removed."""
+    try:
+        return os.getcwd()
+    except OSError:
+        return ""
+
+
+def places_of(path: str) -> list[str]:
+    """Where a file of a relative name may be: beside the scene file or the user's module, in the working directory."""
+    where = user_location()
+    folders = [""]
+    if where is not None:
+        file = where.file if _started == _here() else os.path.join(_started, where.file)
+        files = [file, os.path.realpath(file)] if os.path.islink(file) else [file]
+        folders = [*map(os.path.dirname, files), ""]
+    return [os.path.normpath(os.path.join(folder, path)) for folder in dict.fromkeys(folders)]
+
+
 def input_file(what: str, value: Any, legal: str) -> str:
     """Convert to the name of a file to read. A relative name is that of a file beside the scene file or the user's
     module, or else in the working directory. SceneError if it is in neither."""
     path = file_path(what, value, legal)
     if os.path.isabs(path):
         return path
-    where = user_location()
-    folders = ["" if where is None else os.path.dirname(where.file), ""]
-    tried = [os.path.normpath(os.path.join(folder, path)) for folder in dict.fromkeys(folders)]
+    tried = places_of(path)
     found = [name for name in tried if os.path.exists(name)]
     if not found and len({os.path.realpath(name) for name in tried}) > 1:
         raise SceneError(f"{what}: no file '{short(path)[1:-1]}'", legal=f"tried: {', '.join(tried)}")

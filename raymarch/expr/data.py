@@ -4,24 +4,33 @@ from __future__ import annotations
 
 import hashlib
 
+from raymarch.errors import printable
 from raymarch.expr.types import Type, vector
 
 
 class Data:
     """Numbers in a texture. Data of one class with equal keys are equal.
 
-    key : a digest of the content. label : name in messages.
+    key : a digest of the content. label : name in messages and in comments of shaders, without control characters.
     dimension : of the GLSL sampler, 2 or 3. channels : numbers in each texel.
     """
 
-    __slots__ = ("key", "label")
+    __slots__ = ("_label", "key")
 
     key: str
-    label: str
+    _label: str
     kind: str
     """The word for it in GLSL names."""
     dimension: int = 2
     channels: int
+
+    @property
+    def label(self) -> str:
+        return self._label
+
+    @label.setter
+    def label(self, label: str) -> None:
+        self._label = printable(label)
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.label})"

@@ -172,9 +172,9 @@ def slope_of_call(e: Expr, i: int) -> Expr:
 
 
 def _slope_along(e: Expr, tangents: Sequence[Expr]) -> Expr:
-    """Directional derivative of a call of which one argument moves."""
-    (i,) = [k for k, tangent in enumerate(tangents) if tangent is not zero(tangent.type)]
-    return v.dot(slope_of_call(e, i), tangents[i])
+    """Directional derivative of a call."""
+    moving = [(i, tangent) for i, tangent in enumerate(tangents) if tangent is not zero(tangent.type)]
+    return sum_of([v.dot(slope_of_call(e, i), tangent) for i, tangent in moving]) if moving else zero(e.type)
 
 
 def _across(adjoint: Expr, e: Expr) -> Expr:

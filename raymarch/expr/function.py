@@ -6,7 +6,6 @@ iteration. Both are plain data of a `call` or `loop` expression.
 
 from __future__ import annotations
 
-import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -28,7 +27,7 @@ _functions: WeakValueDictionary[tuple[Any, ...], Function] = WeakValueDictionary
 
 @dataclass(eq=False, repr=False, slots=True, weakref_slot=True)
 class Function:
-    """A named function of typed parameters. `names` keeps the author's own names for intermediate values."""
+    """A named function of typed parameters. `names` are those of some intermediate values."""
 
     name: str
     params: tuple[Expr, ...]
@@ -100,37 +99,24 @@ def _function(name: str, params: Any, body: Any, names: Any, where: Location | N
     return unique_function(name, tuple(params), body, dict(names), where)
 
 
-def trace(name: str, definition: Callable[..., Any], params: Sequence[tuple[str, Type]], *code: CodeType) -> Function:
-    """Run a Python definition once on symbolic parameters.
-
-    The local variables of `code` (by default the definition's own) name temporaries in the generated GLSL.
-    """
-    return Function(name, *_trace(name, definition, params, *(code or (definition.__code__,))))
+def trace(
+    name: str, definition: Callable[..., Any], params: Sequence[tuple[str, Type]], code: CodeType | None = None
+) -> Function:
+    """Run a Python definition once on symbolic parameters. code : of its line; by default the definition's own."""
+    return Function(name, *_trace(name, definition, params, code or definition.__code__))
 
 
 def _trace(
-    name: str, definition: Callable[..., Any], params: Sequence[tuple[str, Type]], *codes: CodeType
+    name: str, definition: Callable[..., Any], params: Sequence[tuple[str, Type]], code: CodeType
 ) -> tuple[tuple[Expr, ...], Expr, dict[Expr, str], Location]:
-    """The parameters, the body, the names and the line of a function."""
+    """The parameters, the body, no names, and the line of a function."""
     symbols = tuple(var(param, type) for param, type in params)
-    names: dict[Expr, str] = {}
-
-    def keep_locals(frame: Any, event: str, _arg: Any) -> None:
-        if event == "return" and id(frame.f_code) in family:
-            for local, value in frame.f_locals.items():
-                if isinstance(value, Expr):
-                    names.setdefault(value, local)
-
-    family = {id(code) for each in codes for code in _code_family(each)}  # the hash of a code reads all of it
-    previous, around = sys.getprofile(), _loops.open
-    _loops.open = []
-    sys.setprofile(keep_locals)
+    around, _loops.open = _loops.open, []
     try:
         body = definition(*symbols)
     finally:
-        _resume(previous)
         _loops.open = around
-    where = Location(codes[0].co_filename, codes[0].co_firstlineno)
+    where = Location(code.co_filename, code.co_firstlineno)
     try:
         body = expr(body)
     except SceneError:
@@ -138,19 +124,7 @@ def _trace(
     stray = [v.data for v in free_variables([body]) if v not in symbols]
     if stray:
         raise SceneError(f"{name} uses {stray} from outside its own parameters", where=where)
-    return symbols, body, names, where
-
-
-def _resume(profiler: Any) -> None:
-    """Restore the profiler. That of cProfile is an object that enables itself and cannot be called."""
-    sys.setprofile(None if hasattr(profiler, "enable") else profiler)
-    if hasattr(profiler, "enable"):
-        profiler.enable()
-
-
-def _code_family(code: CodeType) -> set[CodeType]:
-    """The code of a function and of its nested functions, such as the step of a loop."""
-    return {code}.union(*(_code_family(c) for c in code.co_consts if isinstance(c, CodeType)))
+    return symbols, body, {}, where
 
 
 def function(called: str = "", /, **types: Type) -> Callable[[Callable[..., Any]], Function]:
@@ -179,20 +153,24 @@ _filling = threading.RLock()
 
 
 class _Deferred(Function):
-    """A function that is traced when one of its attributes is first read. Until then it has its name only."""
+    """A function that is traced when one of its attributes is first read. Until then it has its name and the derived
+    objects that it was given."""
 
     __slots__ = ("_parts",)
 
-    def __init__(self, name: str, parts: Callable[[], tuple[Any, ...]]) -> None:
+    def __init__(
+        self, name: str, parts: Callable[[], tuple[tuple[Expr, ...], Expr, dict[Expr, str], Location | None]]
+    ) -> None:
         self.name = name
         self._parts = parts
+        self.derived = {}
         _deferred.setdefault(name, []).append(self)
 
     def trace(self) -> None:
         """Fill in the other attributes, unless another thread has done so."""
         with _filling:
             if self in _deferred.get(self.name, ()):
-                super().__init__(self.name, *self._parts())
+                super().__init__(self.name, *self._parts(), self.derived)
                 _deferred[self.name].remove(self)
 
     def __getattr__(self, name: str) -> Any:

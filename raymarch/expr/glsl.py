@@ -1,7 +1,7 @@
 """The GLSL reading: functions of the expression language as readable GLSL.
 
 One text serves `#version 330 core` and `#version 300 es`. A value gets a temporary only if it is used twice, or if the
-nesting would be too deep. Temporaries have the names of the author's own variables.
+nesting would be too deep. Temporaries have the names that the function states, or one for their type.
 """
 
 from __future__ import annotations
@@ -650,8 +650,11 @@ def _uniforms(expressions: Sequence[Expr], taken: frozenset[str]) -> dict[str, E
 
 
 def uniform_name(leaf: Expr, taken: frozenset[str] = frozenset()) -> str:
-    """The GLSL name of a parameter, not among those taken, or of the time."""
-    return TIME if leaf.op == "time" else identifier(UNIFORM_PREFIX + leaf.data.name, taken | {TIME})
+    """The GLSL name of a parameter, not among those taken, or of the time. GLSL has the letters of ASCII only."""
+    if leaf.op == "time":
+        return TIME
+    name = "".join(c if c.isascii() else f"x{ord(c):x}" for c in leaf.data.name)
+    return identifier(UNIFORM_PREFIX + name, taken | {TIME})
 
 
 def _callees_first(roots: Sequence[Function]) -> list[Function]:

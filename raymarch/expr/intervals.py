@@ -8,6 +8,7 @@ this way.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -19,6 +20,7 @@ from raymarch.expr.evaluate import Program, Rule
 from raymarch.expr.function import Loop
 from raymarch.expr.node import Expr
 from raymarch.expr.types import BOOL
+from raymarch.expr.walk import topological
 
 Interval: TypeAlias = tuple[NDArray[Any], NDArray[Any]]
 
@@ -105,6 +107,10 @@ def _wave(peak: float) -> Callable[[Interval], Interval]:
     return rule
 
 
+cosine = _wave(0.0)
+"""The range of cos over a range of angles."""
+
+
 def _components(a: Interval) -> list[Interval]:
     return [(a[0][..., i], a[1][..., i]) for i in range(a[0].shape[-1])]
 
@@ -143,18 +149,40 @@ def _sub(a: Interval, b: Interval) -> Interval:
     return low, low if a[0] is a[1] and b[0] is b[1] else a[1] - b[0]
 
 
+def _difference(node: Expr, a: Interval, b: Interval) -> Interval:
+    """x - floor(x) and x - min(floor(x), c) are those of one x."""
+    x, y = node.args
+    capped = y.op == "min" and y.args[1].op == "const"
+    floor = y.args[0] if capped else y
+    low, high = _each(_sub)(node, a, b)
+    if floor.op == "floor" and floor.args[0] is x:
+        last = y.args[1].data if capped else np.inf
+        low, high = np.maximum(low, np.maximum(0.0, a[0] - last)), np.minimum(high, np.maximum(1.0, a[1] - last))
+    return low, high
+
+
+def _mix(a: Interval, b: Interval, t: Interval) -> Interval:
+    """Linear in each argument, so its ends are at ends of t."""
+    ends = [_add(_mul(a, (1.0 - at, 1.0 - at)), _mul(b, (at, at))) for at in t]
+    return np.minimum(ends[0][0], ends[1][0]), np.maximum(ends[0][1], ends[1][1])
+
+
 def _add(a: Interval, b: Interval) -> Interval:
     low = a[0] + b[0]
     return low, low if a[0] is a[1] and b[0] is b[1] else a[1] + b[1]
 
 
 def _matmul(node: Expr, a: Interval, b: Interval) -> Interval:
-    right = (b[0][..., None], b[1][..., None]) if node.type.is_vector else b
-    low, high = _mul(
-        (a[0][..., :, :, None], a[1][..., :, :, None]), (right[0][..., None, :, :], right[1][..., None, :, :])
-    )
-    low, high = low.sum(axis=-2), high.sum(axis=-2)
-    return (low[..., 0], high[..., 0]) if node.type.is_vector else (low, high)
+    if node.type.is_vector:
+        return matrix_product(a, b)
+    low, high = _mul((a[0][..., :, :, None], a[1][..., :, :, None]), (b[0][..., None, :, :], b[1][..., None, :, :]))
+    return low.sum(axis=-2), high.sum(axis=-2)
+
+
+def matrix_product(a: Interval, v: Interval) -> Interval:
+    """The range of a matrix times a vector, whose components do not depend on each other."""
+    low, high = _mul(a, (v[0][..., None, :], v[1][..., None, :]))
+    return low.sum(axis=-1), high.sum(axis=-1)
 
 
 def _less(strict: bool) -> Rule:
@@ -199,7 +227,7 @@ RULES: Mapping[str, Rule] = {
     **dict.fromkeys(_UNKNOWN.split(), _unknown),
     "param": _param,
     "cell": lambda node: (np.asarray(node.data.low, np.float64), np.asarray(node.data.high, np.float64)),
-    "sub": _each(_sub),
+    "sub": _difference,
     "mul": lambda node, a, b: _square(a) if node.args[0] is node.args[1] else _product(node, a, b),
     "div": _each(lambda a, b: _mul(a, _reciprocal(b))),
     "neg": _each(lambda a: (low := -a[1], low if a[0] is a[1] else -a[0])),
@@ -207,12 +235,12 @@ RULES: Mapping[str, Rule] = {
     "fract": _each(lambda a: (np.zeros_like(a[0]), np.ones_like(a[1]))),
     "mod": _each(lambda a, b: (np.minimum(b[0], 0.0), np.maximum(b[1], 0.0))),
     "sin": _each(_wave(np.pi / 2)),
-    "cos": _each(_wave(0.0)),
+    "cos": _each(cosine),
     "acos": _each(lambda a: (np.arccos(np.clip(a[1], -1, 1)), np.arccos(np.clip(a[0], -1, 1)))),
     "atan2": _each(lambda y, x: (np.full_like(y[0], -np.pi), np.full_like(y[1], np.pi))),
     "cosh": _each(lambda a: (np.cosh(_abs(a)[0]), np.cosh(_abs(a)[1]))),
     "pow": _each(_pow),
-    "mix": _each(lambda a, b, t: _add(_mul(a, (1.0 - t[1], 1.0 - t[0])), _mul(b, t))),
+    "mix": _each(_mix),
     "step": _each(lambda edge, x: (np.where(x[0] >= edge[1], 1.0, 0.0), np.where(x[1] < edge[0], 0.0, 1.0))),
     "smoothstep": _each(lambda low, high, x: (np.zeros_like(x[0]), np.ones_like(x[1]))),
     "lt": _less(strict=True),
@@ -260,6 +288,89 @@ def interval_of(node: Expr) -> Interval:
     """The range of an expression without variables over all legal parameter values and all times."""
     if node.op == "const":
         return node.data, node.data
+    return _range_of(node)
+
+
+ROUNDS, MOST = 40, 2048
+"""Largest number of bisections of the sources of an expression, and of pieces."""
+
+
+@lru_cache(512)
+def _range_of(node: Expr) -> Interval:
+    """Intervals take each use of a value as independent. Where a value is used more than once, the ranges of the
+    sources are bisected wherever a piece may hold an end of the range."""
     with np.errstate(all="ignore"):
-        low, high = Program([node], [], INTERVALS)()[0]
-    return np.where(np.isnan(low), -np.inf, low), np.where(np.isnan(high), np.inf, high)
+        low, high = _known(Program([node], [], INTERVALS)()[0])
+        if not np.any(low < high) or not 0 < len(sources := _sources(node)) <= 3:
+            return low, high
+        program, sizes = Program([node], sources, INTERVALS), [source.type.size for source in sources]
+        first = Program(sources, [], INTERVALS)()
+        start, end = (np.concatenate([np.ravel(ends[side]) for ends in first])[None] for side in (0, 1))
+
+        def over(start: NDArray[Any], end: NDArray[Any]) -> Interval:
+            cuts = np.cumsum(sizes)[:-1]
+            parts = zip(np.split(start, cuts, axis=1), np.split(end, cuts, axis=1), sizes, strict=True)
+            inputs = [(a[:, 0], b[:, 0]) if size == 1 else (a, b) for a, b, size in parts]
+            found = [end.reshape(len(end) if end.ndim > low.ndim else 1, -1) for end in _known(program(*inputs)[0])]
+            return tuple(np.broadcast_to(end, (len(start), low.size)) for end in found)  # type: ignore[return-value]
+
+        least, most = np.full(low.size, np.inf), np.full(low.size, -np.inf)  # of what is not bisected any more
+        inner = least, most
+        for _ in range(ROUNDS):
+            bottom, top = over(start, end)
+            middle = 0.5 * (start + end)
+            values = over(middle, middle)
+            inner = np.minimum(inner[0], values[0].min(axis=0)), np.maximum(inner[1], values[1].max(axis=0))
+            near = 1e-7 * (inner[1] - inner[0])
+            open_ = np.any(
+                (bottom < np.minimum(inner[0], least) - near) | (top > np.maximum(inner[1], most) + near), axis=1
+            )
+            if open_.sum() > MOST or not np.any(np.isfinite(inner[1] - inner[0])):
+                open_[:] = False
+            least = np.minimum(least, bottom[~open_].min(axis=0, initial=np.inf))
+            most = np.maximum(most, top[~open_].max(axis=0, initial=-np.inf))
+            if not np.any(open_):
+                break
+            start, end, middle = start[open_], end[open_], middle[open_]
+            bottom, top = bottom[open_], top[open_]
+            widest = np.arange(start.shape[1]) == np.argmax(end - start, axis=1)[:, None]
+            start, end = (
+                np.concatenate([start, np.where(widest, middle, start)]),
+                np.concatenate([np.where(widest, middle, end), end]),
+            )
+            bottom, top = np.tile(bottom, (2, 1)), np.tile(top, (2, 1))
+        else:
+            least, most = np.minimum(least, bottom.min(axis=0)), np.maximum(most, top.max(axis=0))
+    return np.maximum(low, least.reshape(low.shape)), np.minimum(high, most.reshape(low.shape))
+
+
+def _known(range: Interval) -> Interval:
+    return np.where(np.isnan(range[0]), -np.inf, range[0]), np.where(np.isnan(range[1]), np.inf, range[1])
+
+
+def _sources(root: Expr) -> list[Expr]:
+    """The values of a bounded range on which an expression depends, if one of them, or one made of them, is used more
+    than once; else none."""
+    order = topological([root])
+    ranges = dict(zip(order, Program(order, [], INTERVALS)(), strict=True)) if len(order) <= 400 else {}
+    bounded = {node: node.type is not BOOL and bool(np.all(np.isfinite(ranges[node]))) for node in ranges}
+    found: dict[Expr, None] = {}
+    uses: dict[Expr, int] = {}
+    pending, seen = [root], {root}
+    while pending:
+        node = pending.pop()
+        if node.op == "const" or not ranges:
+            continue
+        if bounded[node] and (
+            node.op in ("param", "cell", "hash") or not all(bounded.get(a, False) for a in node.args)
+        ):
+            found[node] = None
+            continue
+        if not node.args or node.op in ("loop", "item"):
+            return []  # of an unbounded range
+        for arg in node.args:
+            uses[arg] = uses.get(arg, 0) + (arg.op != "const")
+            if arg not in seen:
+                seen.add(arg)
+                pending.append(arg)
+    return list(found) if any(count > 1 for count in uses.values()) else []

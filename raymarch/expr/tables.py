@@ -110,12 +110,18 @@ def evaluate(node: Expr, index: Array) -> Array:
     return found[..., 0] if node.type is FLOAT else found
 
 
-def interval(node: Expr, _index: Any) -> tuple[Array, Array]:
-    """Interval row of "fetch": the smallest and the largest number of each channel."""
+def interval(node: Expr, index: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Interval row of "fetch": the smallest and the largest number of each channel, among the rows in the range."""
     if isinstance(node.data, LiveTable):
         return np.full(node.type.shape, -np.inf), np.full(node.type.shape, np.inf)
-    low, high = (ends.astype(np.float64) for ends in (node.data.values.min(axis=0), node.data.values.max(axis=0)))
-    return (low[0], high[0]) if node.type is FLOAT else (low, high)
+    values = np.asarray(node.data.values, np.float64)
+    last = len(values) - 1
+    inside = (index[0] >= 0) & (index[1] <= last)
+    first, end = np.where(inside, index[0], 0).astype(np.int64), np.where(inside, index[1], last).astype(np.int64)
+    pairs = np.stack([first, end + 1], axis=-1).reshape(-1)
+    rows = np.concatenate([values, values[-1:]])
+    low, high = (fold.reduceat(rows, pairs, axis=0)[::2].reshape(*first.shape, -1) for fold in (np.minimum, np.maximum))
+    return (low[..., 0], high[..., 0]) if node.type is FLOAT else (low, high)
 
 
 def glsl_helper(channels: int, constant: bool = False) -> tuple[str, str]:

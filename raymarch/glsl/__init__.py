@@ -29,7 +29,10 @@ class Module:
 
 
 VARIANTS = frozenset(
-    "ANALYTIC CLIP_PLANES CONES ESTIMATE LENS LIT ORTHOGRAPHIC OWN_START SAMPLES STANDALONE UNCOUNTED WIDE_CONE".split()
+    (
+        "ANALYTIC BOUNCES CLIP_PLANES CONES CUTS ESTIMATE LENS LIT ORTHOGRAPHIC OWN_START SAMPLES SHOWS STANDALONE "
+        "UNCOUNTED UNDIVIDED WIDE_CONE"
+    ).split()
 )
 """Names of conditional lines that the plan settles: `#ifdef` and `#ifndef` of these are not in the shader. Without
 CONES, this includes CONE, which is defined in passes that march cones."""

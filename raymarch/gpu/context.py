@@ -24,6 +24,7 @@ import moderngl
 from raymarch.errors import DeviceError, user_location
 from raymarch.expr.convert import plain, short
 from raymarch.gpu import current
+from raymarch.gpu.signals import deferred
 
 BACKENDS = ("egl", "osmesa", "window")
 """The backends, in the order in which `auto` tries them."""
@@ -233,7 +234,7 @@ class Context(Releasing):
             if self._released:
                 return
             self.read_unread()
-            with _OPENING, current.kept():
+            with _OPENING, deferred(), current.kept():
                 self._released = True
                 self.gl.release()
                 if self.window is not None:
@@ -350,7 +351,7 @@ def _opening() -> Iterator[None]:
     """Restore the current context, and the result of `moderngl.get_context` for other code, after the block."""
     store: Any = getattr(moderngl, "_store", None)
     default = getattr(store, "default_context", None)
-    with _OPENING, current.kept():
+    with _OPENING, deferred(), current.kept():
         try:
             yield
         finally:

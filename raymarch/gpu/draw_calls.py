@@ -149,7 +149,9 @@ class Drawing:
         self.history, self.budget, self.at, self.part = history, budget, at, part
         self._before_last = 0.0  # milliseconds of the frame up to the passes that follow those that add light
         self._added = True  # whether this frame adds light to the whole picture
-        self.carried: dict[str, Any] = {} if part is None else {"u_corner": part.box(size)[:2]}
+        self.carried: dict[str, Any] = {"footprint_pixels": ready.plan.scene.quality.footprint}
+        if part is not None:
+            self.carried["u_corner"] = part.box(size)[:2]
         """Uniforms that passes leave to later ones, and the textures that were written last, by name."""
         self.kept: dict[str, tuple[Pass, Target]] = {}
         """Passes whose arrays are those of an earlier frame, with their targets, by name."""
@@ -324,6 +326,7 @@ def _samples(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator
         own = {
             **(drawing.at(moment(number)) if drawing.at is not None else {}),
             **cameras,
+            "footprint_pixels": ready.plan.scene.quality.footprint_of(number),
             "u_jitter": r2(number) if still or not known else halton(history.frames % PERIOD),
             "u_sample": number if still or not known else history.frames,
             "u_keep": still or known,

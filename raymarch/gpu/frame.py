@@ -109,12 +109,12 @@ class Frame:
         """Reasons to doubt this picture, one sentence each; empty if there are none.
 
         The checks are: values outside their range, samples that contradict the facts of the user's own definitions,
-        colours that are not finite, glass that one random path a pixel shows, surfaces that are clipped to white over a
-        fifth of the picture (which renders the materials), and a picture without a hit (which renders the depth to
+        colours that are not finite, glass that one random path a pixel shows, surfaces that are clipped to white over
+        5 % of the picture (which renders the materials), and a picture without a hit (which renders the depth to
         confirm).
 
-        steps : also check whether too many rays ran out of steps. If a pixel is the mean of several rays, this marches
-            a sparse subset of them again.
+        steps : also check whether more than 0.5 % of the rays ran out of steps. If a pixel is the mean of several rays,
+            this marches a sparse subset of them again.
         """
         return list(self.warnings) if self._doubts is None else self._doubts(self, steps)
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import DeviceError, Location, ShaderError
 from raymarch.gpu.context import Context, Releasing
+from raymarch.gpu.signals import deferred
 from raymarch.gpu.targets import Surface, Target, confine
 
 FULL_SCREEN = """#version 330 core
@@ -115,7 +116,7 @@ class Program(Releasing):
         self.context = context
         self.name = name
         self.released = False
-        with context.bound():
+        with context.bound(), deferred():
             try:
                 # Some versions of moderngl strip the text, which shifts its lines; strip it here for all versions.
                 self._program = context.gl.program(vertex_shader=vertex.strip(), fragment_shader=fragment.strip())

@@ -273,6 +273,7 @@ class Renderer:
         pixels = frame.size[0] * frame.size[1]
         lost, above = frame._count_odd()
         found = [*frame.warnings, *vouch.contradicted(scene, values), vouch.not_finite(lost, pixels)]
+        found += vouch.moved_otherwise(scene, values)
         found += [vouch.noisy(scene), vouch.inside(ready, values, pose), *unused(scene)]
         found.append(vouch.coarse(ready, pose, frame.size[1]))
         white = vouch.overexposed(frame.color, scene) if above > vouch.OVEREXPOSED * pixels else None
@@ -282,7 +283,7 @@ class Renderer:
             known = frame.drawn("done") or self._sparse(scene, values, pose)
             found.append(vouch.out_of_steps(known.array("done"), scene))
         if vouch.is_sky(frame.color, scene, pose, values) and not np.any(np.isfinite(frame.depth)):
-            found.append(vouch.nothing_visible(scene))
+            found.append(vouch.nothing_visible(scene, values))
         return [doubt for doubt in found if doubt]
 
     def _sparse(self, scene: Scene, values: Values, pose: Pose) -> Unread:

@@ -12,12 +12,15 @@ from numpy.typing import NDArray
 from raymarch.errors import RenderWarning, user_location
 from raymarch.expr.arrays import bound
 from raymarch.gpu.prepare import Prepared
+from raymarch.plan.objects import misread
 from raymarch.plan.unused import is_sampled
 from raymarch.scene.camera import Pose
-from raymarch.scene.light import RectLight
+from raymarch.scene.legal import solid_at
+from raymarch.scene.light import has_area
 from raymarch.scene.origin import ULP
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene, all_nodes
+from raymarch.sdf import levels
 from raymarch.sdf.sampled_facts import quick_contradictions, stated_by_user
 
 OUT_OF_STEPS = 0.005
@@ -55,14 +58,15 @@ def sparse_size(size: tuple[int, int]) -> tuple[int, int]:
     return -(-size[0] // every), -(-size[1] // every)
 
 
-def nothing_visible(scene: Scene) -> str:
-    """The doubt of a picture without a hit. Empty if no part of the scene is bounded, since a miss is then
-    plausible."""
-    if scene.node.facts.empty:
+def nothing_visible(scene: Scene, values: Values) -> str:
+    """The doubt of a picture without a hit. Empty if no part of the scene is bounded at this time and with these
+    parameters, since a miss is then plausible."""
+    now = scene if scene.subject is not None else scene.replace(node=solid_at(scene.node, values))
+    if now.node.facts.empty:
         return "nothing is visible: the solid is empty"
-    if scene.subject is None:
+    if (subject := now.subject) is None:
         return ""
-    ends = ["({})".format(", ".join(f"{v:.4g}" for v in end)) for end in (scene.subject.lower, scene.subject.upper)]
+    ends = ["({})".format(", ".join(f"{v:.4g}" for v in end)) for end in (subject.lower, subject.upper)]
     return f"nothing is visible: no ray hits the solid, which lies between {ends[0]} and {ends[1]}"
 
 
@@ -77,6 +81,12 @@ def contradicted(scene: Scene, values: Values) -> list[str]:
     ]
 
 
+def moved_otherwise(scene: Scene, values: Values) -> list[str]:
+    """Doubts about offsets and shells that are not as thick as asked for, and effects that read short distances."""
+    with bound(values.params, values.time):
+        return [*levels.moved_otherwise(scene.node, doubted=True), *misread(scene)]
+
+
 def not_finite(lost: int, pixels: int) -> str:
     """The doubt of a picture with some pixels whose colours are not finite; empty if all are."""
     if not lost:
@@ -89,7 +99,7 @@ def out_of_steps(done: NDArray[np.bool_], scene: Scene) -> str:
     share = float(np.mean(~done))
     if share <= OUT_OF_STEPS:
         return ""
-    steps = scene.quality.max_steps
+    steps = scene.quality.camera_steps
     return f"{share:.1%} of the rays ran out of steps (Quality(max_steps=...), {steps} now; --view iterations)"
 
 
@@ -104,10 +114,10 @@ def noisy(scene: Scene) -> str:
     if scene.motion_blur:
         return "Camera(shutter=...) shows one moment with one ray a pixel (--samples 64 or Quality(samples=64))"
     if not scene.path_traced:
-        sampled = [light for light in scene.lights if is_sampled(light)]
+        sampled = [light for light in scene.lights if is_sampled(light, scene)]
         if not sampled or quality.light_samples > 1:
             return ""
-        name = type(sampled[0]).__name__ + ("" if isinstance(sampled[0], RectLight) else "(penumbra='sampled')")
+        name = type(sampled[0]).__name__ + ("" if has_area(sampled[0]) else "(penumbra='sampled')")
         return f"{name} is noisy with one random point a pixel (--samples 16, or Quality(light_samples=16))"
     if not any(m.transmits for m in scene.materials):
         return "path-traced light is noisy with one random path a pixel (--samples 64 or Quality(samples=64))"

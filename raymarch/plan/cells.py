@@ -17,7 +17,6 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -29,6 +28,7 @@ from raymarch.expr.arrays import evaluator
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.node import var
 from raymarch.expr.types import FLOAT
+from raymarch.files import sources
 from raymarch.sdf.blends import FAMILIES, REACH
 from raymarch.sdf.rows import Rows
 
@@ -239,7 +239,8 @@ class _Builder:
     @property
     def key(self) -> str:
         """The content from which the cells are built, and the code that builds them."""
-        digest = hashlib.sha256(Path(__file__).read_bytes())
+        ((_, code),) = sources("plan/cells.py")
+        digest = hashlib.sha256(code)
         digest.update(repr((self.rows.k, self.rows.family, self.need, np.__version__)).encode())
         for form in self.forms:
             digest.update("".join(line.text for line in print_functions([form.columns.field]).lines()).encode())
@@ -299,55 +300,26 @@ class _Builder:
     def paint(self, texels: NDArray[np.float32], far: Indices, value: Array, left: int) -> None:
         """Store the bound of far cells in all cells of the grid that they cover."""
         width = 2**left
-        offsets = np.stack(np.meshgrid(*[np.arange(width)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-        distance = self.size * np.linalg.norm(offsets + 0.5 - 0.5 * width, axis=1)
-        block = max(1, PAIRS // len(offsets))
-        for i in range(0, len(far), block):
-            cells = far[i : i + block, None, :] * width + offsets
-            bound = self.rounded_down(value[i : i + block, None] - distance)
-            inside = np.all(cells < self.counts, axis=2)
-            index = self.index(cells[inside])
-            texels[index, 0] = bound[inside]
-            texels[index, 1] = FAR
+        extents = np.minimum(width, self.counts)  # the grid may be thinner than the cell
+        covered = int(np.prod(extents))
+        for first in range(0, covered, PAIRS):
+            some = np.arange(first, min(first + PAIRS, covered))
+            offsets = np.stack(np.unravel_index(some, extents.tolist()), axis=-1)
+            distance = self.size * np.linalg.norm(offsets + 0.5 - 0.5 * width, axis=1)
+            block = max(1, PAIRS // len(offsets))
+            for i in range(0, len(far), block):
+                cells = far[i : i + block, None, :] * width + offsets
+                bound = self.rounded_down(value[i : i + block, None] - distance)
+                inside = np.all(cells < self.counts, axis=2)
+                index = self.index(cells[inside])
+                texels[index, 0] = bound[inside]
+                texels[index, 1] = FAR
 
     def rounded_down(self, bound: Array) -> Array:
         return bound - (2.0**-22 * np.abs(bound) + 2.0**-22 * self.largest)
 
     def index(self, cells: NDArray[np.integer[Any]]) -> Whole:
         return cells[..., 0] + self.counts[0] * (cells[..., 1] + self.counts[1] * cells[..., 2])
-
-    def halved(self, level: _Level, limit: Whole) -> _Level:
-        """The eight children of each cell that lie within the grid, with its list."""
-        cells = (2 * level.cells[:, None, :] + CORNERS).reshape(-1, 3)
-        parent = np.repeat(np.arange(len(level.cells)), 8)
-        inside = np.all(cells < limit, axis=1)
-        cells, parent = cells[inside], parent[inside]
-        counts = np.diff(level.starts)[parent]
-        starts = np.concatenate([[0], np.cumsum(counts)])
-        items = level.items[_ranges(level.starts[parent], counts, starts)]
-        return _Level(cells, starts, items)
-
-    def pruned(self, level: _Level, size: float) -> tuple[_Level, Whole, Whole, Array]:
-        """The near cells of a blend with shorter lists, and which they are; which are far, and a lower bound of the
-        field at the centre of each."""
-        lengths: list[Whole] = [np.empty(0, np.int64)]
-        items: list[NDArray[np.int32]] = [np.empty(0, np.int32)]
-        far = [np.empty(0, bool)]
-        values = [np.empty(0)]
-        for part in _parts(level):
-            owner = np.repeat(np.arange(len(part.cells)), np.diff(part.starts))
-            centres = self.low + size * (part.cells + 0.5)
-            kept, floor = self.deciding(part, owner, self.values(centres[owner], part.items), self.radius(size))
-            lonely = floor >= self.far_from(size)
-            far.append(lonely)
-            values.append(floor[lonely])
-            kept &= ~lonely[owner]
-            lengths.append(np.bincount(owner[kept], minlength=len(part.cells))[~lonely])
-            items.append(part.items[kept])
-        starts = np.concatenate([[0], np.cumsum(np.concatenate(lengths))]).astype(np.int64)
-        is_far = np.concatenate(far)
-        kept_level = _Level(level.cells[~is_far], starts, np.concatenate(items))
-        return kept_level, np.nonzero(~is_far)[0], np.nonzero(is_far)[0], np.concatenate(values)
 
     def divided(
         self, level: _Level, size: float, limit: Whole | None, last: bool
@@ -358,22 +330,18 @@ class _Builder:
 
         limit : number of cells along each axis; None below the grid. last : True for the cells of the grid and below.
         """
-        if self.blended:
-            whole = self.halved(level, limit if limit is not None else np.full(3, np.iinfo(np.int64).max))
-            made, is_near, is_far, value = self.pruned(whole, size)
-            return made, is_near, whole.cells[is_far], is_far, value
         near, far = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
         near_cells, far_cells = [np.empty((0, 3), np.int32)], [np.empty((0, 3), np.int32)]
         lengths, items, values = [np.empty(0, np.int64)], [np.empty(0, np.int32)], [np.empty(0)]
         count = 0
         # Objects that the parent does not list are at least so far from the centre of a child.
-        unlisted = self.listed_to(2.0 * size, limit is None) - self.radius(size)
+        unlisted = np.inf if self.blended else self.listed_to(2.0 * size, limit is None) - self.radius(size)
         for part in _parts(level):
             below = (2 * part.cells[:, None, :] + CORNERS).reshape(-1, 3)
             inside = np.ones(len(below), bool) if limit is None else np.all(below < limit, axis=1)
             centres = self.low + size * (below + 0.5)
-            counts, kept, floor = self.children(part, size, inside)
-            if last:
+            counts, kept, floor = (self.pruned if self.blended else self.children)(part, size, inside)
+            if last and not self.blended:
                 owner = np.repeat(np.arange(len(below)), counts)
                 counts, kept, floor = self.decided(owner, counts, kept, centres, size, floor)
             floor = np.minimum(floor, unlisted)
@@ -391,6 +359,17 @@ class _Builder:
         starts = np.concatenate([[0], np.cumsum(_joined(lengths))]).astype(np.int64)
         made = _Level(_joined(near_cells), starts, _joined(items))
         return made, _joined(near), _joined(far_cells), _joined(far), _joined(values)
+
+    def pruned(self, part: _Level, size: float, inside: NDArray[np.bool_]) -> tuple[Whole, NDArray[np.int32], Array]:
+        """As `children`, for the operands of a blend."""
+        counts = np.where(inside, np.repeat(np.diff(part.starts), 8), 0)
+        items = part.items[_ranges(np.repeat(part.starts[:-1], 8), counts, np.concatenate([[0], np.cumsum(counts)]))]
+        owner = np.repeat(np.arange(len(counts)), counts)
+        centres = self.low + size * ((2 * part.cells[:, None, :] + CORNERS).reshape(-1, 3) + 0.5)
+        kept, value = self.deciding(items, owner, self.values(centres[owner], items), self.radius(size))
+        floor = np.full(len(counts), np.inf)
+        floor[counts > 0] = value
+        return np.bincount(owner[kept], minlength=len(counts)), items[kept], floor
 
     def children(self, part: _Level, size: float, inside: NDArray[np.bool_]) -> tuple[Whole, NDArray[np.int32], Array]:
         """The lists of the eight children of cells by bounds from spheres: lengths, items, and a lower bound of the
@@ -452,15 +431,21 @@ class _Builder:
         floor[held] = np.minimum(nearest, self.listed_to(size, False))  # `children` does not list others
         return np.bincount(owner[kept], minlength=len(counts)), items[kept], floor
 
-    def deciding(self, part: _Level, owner: Whole, value: Array, radius: float) -> tuple[NDArray[np.bool_], Array]:
+    def deciding(
+        self, items: NDArray[np.int32], owner: Whole, value: Array, radius: float
+    ) -> tuple[NDArray[np.bool_], Array]:
         """Which entries can decide the blend in their cell, and a lower bound of the field at each centre: the losing
-        side of each fold of the balanced tree is left out."""
+        side of each fold of the balanced tree is left out.
+
+        owner : the cell of each entry, ascending.
+        """
         alive = np.ones(len(owner), bool)
         entry = np.arange(len(owner))
-        cell, rank, current = owner, self.order[part.items], value
+        cell, rank, current = owner, self.order[items], value
+        held = len(np.unique(owner))
         margin = 2.0 * radius + self.reach + ROUNDING * self.largest
         k = np.asarray(self.rows.k)
-        while len(cell) > len(part.cells):
+        while len(cell) > held:
             rank = rank >> 1
             left = np.nonzero((rank[1:] == rank[:-1]) & (cell[1:] == cell[:-1]))[0]
             if not len(left):
@@ -568,7 +553,8 @@ class _Builder:
         rank = self.order[items]
         merges = np.zeros(len(items), np.int64)
         most = int(counts.max(initial=1))
-        open_levels = np.zeros((len(counts), most + 1), np.int64)
+        # The open levels of a cell descend, so there are no more than bits in a rank.
+        open_levels = np.zeros((len(counts), len(self.rows).bit_length() + 2), np.int64)
         height = np.zeros(len(counts), np.int64)
         deepest = 1
         for position in range(most):

@@ -21,8 +21,8 @@ from raymarch.expr.walk import find, rebuild, topological
 from raymarch.plan.hoisting import NEVER_HOISTED
 from raymarch.scene.scene import all_nodes
 from raymarch.sdf.blends import REACH
-from raymarch.sdf.booleans import hard_union
-from raymarch.sdf.definition import definition_of
+from raymarch.sdf.booleans import hard_union, smooth_union
+from raymarch.sdf.definition import definition_of, divisor_of
 from raymarch.sdf.instancing import instanced
 from raymarch.sdf.labels import rows_of
 from raymarch.sdf.lower import Lowering
@@ -44,11 +44,6 @@ FEWER_AS_DATA, FEWER_ALIKE = 4, 2
 
 FORMS = 12
 """Maximum number of forms in a blend: each is evaluated for each object that is asked."""
-
-ABOVE_OBJECTS = {
-    *("labelled", "translate", "rotate_about", "mirror_across", "hard_intersection", "hard_difference", "visible")
-}
-"""Operators that pass a distance on without changing it."""
 
 DEEPEST = 200
 """Maximum number of operators above a union that becomes data."""
@@ -108,6 +103,7 @@ class _Gatherer:
     def __init__(self, made: Gathered, choice: str, live: bool, fewer: bool) -> None:
         self.made, self.allowed = made, live
         self.least = 2 if choice == "data" else FEWER_AS_DATA if fewer else AS_DATA
+        self.blended = False  # rows below a blend need one divisor, because blends act on undivided fields
         self.live: set[int] = set()  # forms that depend on parameters or time
         self.alike = 1 if choice == "data" else FEWER_ALIKE if fewer else ALIKE
         self.forms: dict[Any, int] = {}
@@ -116,33 +112,40 @@ class _Gatherer:
         self.materials: dict[int, bool] = {}
         self.kept: list[Node] = []  # alive, because they are identified by their ids
 
+    def _divisor(self, members: Sequence[Node]) -> float | None:
+        """The number by which the fields of some solids are divided; None if these differ."""
+        found = {divisor_of(member) for member in members}
+        return found.pop() if len(found) == 1 else None
+
     def visit(self, node: Node, exact: float, depth: int) -> Node:
         """The tree with objects as rows; `exact` as for `gather`, in the units of this tree."""
         if (rows := rows_of(node)) is not None:
             self._keep(rows, exact)
             return node
-        name, params = node.definition.name, node.params
-        if name == "hard_union":
+        definition, params = node.definition, node.params
+        if definition is definition_of(hard_union):
             return self._union(node, exact, depth)
-        if name == "smooth_union" and params["k"].is_constant and params["family"] in REACH:
+        if definition is definition_of(smooth_union) and params["k"].is_constant and params["family"] in REACH:
             family, k = str(params["family"]), float(params["k"].data)
             rows = self._blend(node, family, k)
             if rows is not None:
                 self._keep(rows, exact)
                 return at_line_of(node, instanced(rows))
-            return self._below(node, exact + _margin(family, k, len(node.children)), depth)
-        if name == "labelled" and node.children[0].labelled and not self._is_constant(node.label):
+            outer, self.blended = self.blended, True
+            made = self._below(node, exact + _margin(family, k, len(node.children)), depth)
+            self.blended = outer
+            return made
+        if node.label is not None and node.children[0].labelled and not self._is_constant(node.label):
             # Some objects have materials of their own, the others inherit one that is no row of numbers.
             child = node.children[0]
             if child.definition is definition_of(hard_union):
                 return self._union(child, exact, depth, node)
             if not any(rows_of(each) is not None for each in all_nodes(child)):
                 return node
-        if name in ABOVE_OBJECTS:
+        if node.placed_as in ("rigid", "select"):
             return self._below(node, exact, depth)
-        scale = {"scale_evenly": "factor", "affine": "stretch"}.get(name)
-        if scale is not None and params[scale].is_constant:
-            return self._below(node, exact / float(params[scale].data), depth)
+        if node.placed_as in ("scale", "stretch") and (factor := _factor(node)) is not None:
+            return self._below(node, exact / factor, depth)
         self._refuse_instances(node)
         return node
 
@@ -176,6 +179,10 @@ class _Gatherer:
                 if signature is not None:
                     groups.setdefault(signature[0], []).append(i)
         groups = {form: members for form, members in groups.items() if len(members) >= self.alike}
+        if self.blended:
+            divisors = {form: self._divisor([operands[i] for i in members]) for form, members in groups.items()}
+            same = max(divisors.values(), key=list(divisors.values()).count, default=None)
+            groups = {form: members for form, members in groups.items() if divisors[form] == same is not None}
         moving = {form: groups.pop(form) for form in self.live & groups.keys()}
         if sum(map(len, moving.values())) < self.least:
             moving = {}
@@ -235,9 +242,12 @@ class _Gatherer:
             return None
         if alike < self.least or len(groups) > FORMS or not any(c.facts.bounded for c in node.children):
             return None
+        divisor = self._divisor(node.children)
+        if divisor is None:
+            return None
         forms = [self._form([node.children[i] for i in members], members) for members in groups.values()]
         made = self._rows(forms, [], len(node.children))
-        return changed(made, k=k, family=family)
+        return changed(made, k=k / divisor, family=family)  # of fields that are divided
 
     def _rows(self, forms: list[tuple[Form, list[tuple[Any, ...]]]], given: Sequence[Rows], first: int) -> Rows:
         """The rows of some forms, and of instances that stand in the same union."""
@@ -364,6 +374,7 @@ class _Gatherer:
             np.array([f.spread for f in facts]),
             np.array([f.lipschitz for f in facts]),
             all(f.exactness == "exact" for f in facts),
+            self._divisor(members) or 1.0,
         )
         if moves:
             form = changed(form, moving=_moving(template, members))
@@ -401,14 +412,16 @@ def _rewritten(value: Expr, leaf: Callable[[Expr], Expr]) -> Expr:
     return made[value]
 
 
-RIGID = ("translate", "rotate_about", "labelled")
-"""Operators that move a solid."""
+def _factor(node: Node) -> float | None:
+    """The factor by which a placed node enlarges its child; None if it changes."""
+    factor = node.definition.placement(node.params)[2]
+    return 1.0 if factor is None else float(factor.data) if factor.is_constant else None
 
 
 def _inner(node: Node) -> list[Node]:
     """A node and the nodes below it, as far as these are moved and scaled only."""
     found = [node]
-    while found[-1].definition.name in (*RIGID, "scale_evenly"):
+    while found[-1].placed_as in ("rigid", "scale"):
         found.append(found[-1].children[0])
     return found
 
@@ -433,8 +446,8 @@ def _radius(node: Node) -> float:
     *chain, inner = _inner(node)
     factor = 1.0
     for each in chain:
-        if each.definition.name == "scale_evenly":
-            factor *= float(each.params["factor"].data)
+        if each.placed_as == "scale":
+            factor *= _factor(each) or 1.0
     return factor * 0.5 * float(np.linalg.norm(inner.facts.size))
 
 

@@ -5,17 +5,31 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.expr.function import Function
-from raymarch.expr.node import Expr, var
+from raymarch.expr.node import Expr, expr, var
 from raymarch.expr.types import Type
 from raymarch.expr.vocabulary import record
 from raymarch.expr.walk import free_variables
 from raymarch.scene.bsdf import samples_both
-from raymarch.scene.light import DIRECTION, DIRECTION_SAMPLE, FAR, LIGHT, POINT, SAMPLE, Light, density_of, sample_of
+from raymarch.scene.light import (
+    DIRECTION,
+    DIRECTION_SAMPLE,
+    FAR,
+    LIGHT,
+    LIGHT_HIT,
+    POINT,
+    SAMPLE,
+    Light,
+    density_of,
+    has_disc,
+    ray_hit_of,
+    sample_of,
+)
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 
@@ -30,18 +44,23 @@ SHADOWS: tuple[str, ...] = ("hard", "two-sided", "cone", "triangulated", "sample
 """The kinds of shadow."""
 
 
+Key: TypeAlias = tuple[type[Light], tuple[str, ...], bool]
+"""What identifies the form of a light; see `key`."""
+
+
 @dataclass(frozen=True, slots=True)
 class Form:
     """Lights that share one function: those of a class with the same values given.
 
     function : samples a light; its parameters are the values in order, after those of `GIVEN` that it reads.
-    met, pdf : its `eval_direction` and `pdf_direction`, if it has them.
+    met, pdf : its `eval_direction` and `pdf_direction`, if it has them. ray : its `eval_ray`, if it is visible.
     """
 
     function: Function
     names: tuple[str, ...]
     met: Function | None
     pdf: Function | None
+    ray: Function | None
 
     @property
     def reads(self) -> list[Expr]:
@@ -70,7 +89,7 @@ class Table:
     of lights that have such a ball.
     """
 
-    forms: dict[tuple[type, tuple[str, ...]], Form]
+    forms: dict[Key, Form]
     kinds: list[str]
     headed: bool
     fixed: NDArray[np.float64]
@@ -122,7 +141,7 @@ def _table(of: _Lights) -> Table:
         if head:
             fixed[i, :2] = numbers[form], ordered.index(shadow) + 1 if shadow else 0
             radius = getattr(light, "shadow_radius", None)
-            given += [(2, light.softness), *([] if radius is None else [(3, radius)])]
+            given += [(2, light.disc_width), *([] if radius is None else [(3, radius)])]
         reached = () if light.reach is None else zip((0, 3), light.reach, strict=True)
         for numbers_of, changing, pairs in ((fixed, varied, given), (balls, moving, reached)):
             for first, value in pairs:
@@ -134,20 +153,22 @@ def _table(of: _Lights) -> Table:
     return Table(found, ordered, head, fixed, varied, balls, moving, limited)
 
 
-def _forms(lights: Sequence[Light]) -> dict[tuple[type, tuple[str, ...]], Form]:
-    found: dict[tuple[type, tuple[str, ...]], Form] = {}
+def _forms(lights: Sequence[Light]) -> dict[Key, Form]:
+    found: dict[Key, Form] = {}
     for light in lights:
         of = key(light)
         if of not in found:
-            kind, names = of
+            kind, names, _ = of
             values = {name: var(name, value.type) for name, value in light.emitter_values().items()}
-            earlier = sum(other is kind for other, _ in found)
+            earlier = sum(other is kind for other, *_ in found)
             name = f"_{_snake(kind.__name__)}{f'_{earlier + 1}' if earlier else ''}"
             density = density_of(light, values)
             met = None if density is None else _function(f"eval{name}", record(LIGHT, *density[0]), values)
             pdf = None if density is None else _function(f"pdf{name}", density[1], values)
             sample = _function(f"sample{name}", record(LIGHT, *sample_of(light, values)), values)
-            found[of] = Form(sample, names, met, pdf)
+            shown = ray_hit_of(light, values)
+            ray = None if shown is None else _function(f"ray{name}", record(LIGHT_HIT, *map(expr, shown)), values)
+            found[of] = Form(sample, names, met, pdf, ray)
     return found
 
 
@@ -157,11 +178,23 @@ def _function(name: str, body: Expr, values: Mapping[str, Expr]) -> Function:
     return Function(name, (*(p for p in GIVEN if p in read), *values.values()), body)
 
 
-def key(light: Light) -> tuple[type[Light], tuple[str, ...]]:
-    """What identifies the form of a light: the class that defines its samples, and the names of its values."""
-    methods = {"sample_direction", "eval_direction", "pdf_direction"}
+def key(light: Light) -> Key:
+    """What identifies the form of a light: the class of its samples, the names of its values, and whether it is
+    visible."""
+    methods = {"sample_direction", "eval_direction", "pdf_direction", "eval_ray"}
     kind = next(cls for cls in type(light).__mro__ if methods & set(vars(cls)))
-    return kind, tuple(light.emitter_values())
+    return kind, tuple(light.emitter_values()), getattr(light, "visible", False)
+
+
+def visible(scene: Scene) -> list[Light]:
+    """The lights that rays show."""
+    return [light for light in scene.lights if table(scene).forms[key(light)].ray is not None]
+
+
+def with_discs(scene: Scene) -> Scene:
+    """The scene with `penumbra="sampled"` of all lights of which random points cast the shadow; see `has_disc`."""
+    changed = [x.replace(penumbra="sampled") if has_disc(x, scene.bouncing) else x for x in scene.lights]
+    return scene if tuple(changed) == scene.lights else scene.replace(lights=changed)
 
 
 def _snake(name: str) -> str:
@@ -190,8 +223,8 @@ def splittable(scene: Scene) -> int:
 
 def samples_of(scene: Scene, light: Light) -> int:
     """The number of samples of a light for each ray."""
-    several = table(scene).forms[key(light)].area or shadow_of(light) == "sampled"
-    return scene.quality.light_samples * (1 + samples_both(light, scene.materials)) if several else 1
+    several = table(scene).forms[key(light)].area or has_disc(light, scene.bouncing)
+    return scene.quality.light_samples * (1 + samples_both(light, scene.materials, scene.bouncing)) if several else 1
 
 
 def stride(scene: Scene) -> int:

@@ -12,7 +12,7 @@ import numpy as np
 
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
-from raymarch.sdf.levels import has_levels
+from raymarch.sdf.levels import has_levels, may_touch
 
 MODULES = {"relaxed_again": "relaxed"}
 """Tracers whose module has a different name."""
@@ -156,7 +156,7 @@ def choose(
     elif certified and not (quality.shortened or quality.steps_per_pass) and several:
         schedule = Schedule((*schedule.levels, PIXEL), schedule.share)
         schedule_reason += "; the samples of a pixel start where its cone ended"
-    steps = max(1, round(schedule.share * quality.max_steps))
+    steps = max(1, round(schedule.share * quality.camera_steps))
     return Marching(tracer, tracer_reason, schedule, schedule_reason, steps, quality.steps_per_pass)
 
 
@@ -168,6 +168,11 @@ def trusted(scene: Scene) -> bool:
 def refined(scene: Scene) -> bool:
     """True if the surface is where the field is 0, so that hits are refined; see `has_levels`."""
     return has_levels(scene.node) or scene.quality.assume_certified
+
+
+def cut(scene: Scene) -> bool:
+    """True if a hit needs a sample inside the solid, because a cut may leave a membrane of no thickness."""
+    return scene.quality.refinement == "proven" and refined(scene) and may_touch(scene.node)
 
 
 def clipped(scene: Scene) -> bool:

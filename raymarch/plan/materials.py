@@ -23,7 +23,7 @@ from raymarch.plan.hoisting import Hoisting
 from raymarch.plan.objects import Many, ObjectsInCells
 from raymarch.plan.shading import mapped, needs_surface, patterned
 from raymarch.scene.bsdf import BSDF, Phong, bsdf_of
-from raymarch.scene.material import FIELDS, GLASS, RELIEF, Material
+from raymarch.scene.material import FIELDS, GLASS, PHYSICAL, RELIEF, Material
 from raymarch.scene.scene import Scene
 from raymarch.sdf.labels import seen_labels
 from raymarch.sdf.lower import (
@@ -76,7 +76,9 @@ def materials_of(
     if shaded:
         extra = SCENE_INTERACTION if mapped(scene) and needs_surface(scene) else ()
         if needs_surface(scene):
-            wanted = _fields("Material", made.bsdf.fields)
+            glass = (scene.path_traced or scene.whitted) and any(m.transmits for m in chosen)
+            outside = PHYSICAL if glass and model != "phong" else ()  # of the surface of glass
+            wanted = _fields("Material", tuple(dict.fromkeys((*made.bsdf.fields, *outside))))
             if field is not None:
                 made.record = parts.with_gradient("part_at", wanted, field, patterned(scene))
             else:

@@ -21,9 +21,11 @@ from raymarch.expr.vocabulary import all_of, clamp, dot, floor, length, normaliz
 from raymarch.expr.walk import substitute
 from raymarch.plan.bounding import nearer, value_and_gradient
 from raymarch.plan.cells import PAIRS, Cells, build
+from raymarch.scene.light import Light
 from raymarch.scene.scene import Scene, all_nodes
 from raymarch.sdf.blends import FAMILIES
 from raymarch.sdf.facts import FARTHEST
+from raymarch.sdf.levels import read_short
 from raymarch.sdf.rows import Rows
 
 TOGETHER = 4
@@ -50,10 +52,26 @@ def exact_distance(scene: Scene) -> float:
         found.append(float(interval_of(occlusion.reach)[1]))
     size = largest_size(scene)
     for light in scene.lights:
-        if light.soft and light.penumbra != "sampled":
+        if reads_field(light):
             wide = float(interval_of(light.softness)[1]) * (1.0 if light.has_position else size)
             found.append(float(np.minimum(wide, size)))
     return float(np.max(found))
+
+
+def reads_field(light: Light) -> bool:
+    """True if the penumbra of a light follows from values of the field."""
+    return light.soft and light.penumbra != "sampled"
+
+
+def misread(scene: Scene) -> list[str]:
+    """Doubts about effects that read the field as a distance, where it is shorter."""
+    effect = "AmbientOcclusion" if scene.occlusion is not None else ""
+    if any(map(reads_field, scene.lights)):
+        effect = effect or "a penumbra"
+    if not effect:
+        return []
+    cure = "it is too dark there; Quality(integrator='path') or penumbra='sampled' does not read distances"
+    return [f"{effect} reads the field of {sentence} ({cure})" for sentence in read_short(scene.node)]
 
 
 def largest_size(scene: Scene) -> float:

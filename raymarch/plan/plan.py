@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from raymarch.errors import Location, PlanError, warn
 from raymarch.expr.derivative import companion
 from raymarch.expr.function import Function
-from raymarch.expr.node import Expr
+from raymarch.expr.node import Expr, var
 from raymarch.expr.operations import operations as count_operations
 from raymarch.expr.operations import straight_lines
 from raymarch.expr.samples import Samples
@@ -33,7 +33,7 @@ from raymarch.plan.hoisting import Hoisting
 from raymarch.plan.marching import Marching
 from raymarch.plan.materials import materials_of
 from raymarch.plan.motion import changes, motion_of
-from raymarch.plan.objects import Located, ObjectsInCells, exact_distance
+from raymarch.plan.objects import Located, ObjectsInCells, exact_distance, misread, reads_field
 from raymarch.plan.passes import ATTACHMENTS, BEFORE, CONE, DRAWN, Pass, joining, passes_of
 from raymarch.plan.shading import Feature
 from raymarch.plan.unused import unused
@@ -44,7 +44,7 @@ from raymarch.scene.parameter import Spec
 from raymarch.scene.post import PostEffect
 from raymarch.scene.quality import CONTACT, Quality
 from raymarch.scene.scene import Scene, all_nodes, check_scene
-from raymarch.sdf.levels import flatness
+from raymarch.sdf.levels import flatness, moved_otherwise
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
 from raymarch.sdf.visibility import KINDS, hidden_from, hiding_nodes, labels_hidden_from
@@ -110,6 +110,8 @@ class Plan:
     """The kinds of rays that parts are hidden from. If there are any, `field` reads the kind of the ray."""
     seen: Function | None = None
     """The field of camera rays, if parts are hidden from some kind of ray."""
+    undivided: Function | None = None
+    """The field before it is divided, for effects that read distances; None if they are `field`, or there are none."""
     standalone: bool = False
     """True for a shader that computes the values of a frame itself and marches no cones."""
 
@@ -118,11 +120,15 @@ class Plan:
         """The conditional lines of GLSL modules that the shader has; see `raymarch.glsl.VARIANTS`."""
         used = {
             "ANALYTIC": self.analytic.used,
+            "BOUNCES": self.scene.bouncing,
             "CONES": self.marching.cones,
+            "CUTS": marching.cut(self.scene),
             "LIT": self.lights_split,
             "SAMPLES": self.scene.quality.samples > 1,
+            "SHOWS": bool(lights.visible(self.scene)),
             "STANDALONE": self.standalone,
             "ESTIMATE": not self.certified,
+            "UNDIVIDED": self.undivided is not None and any(map(reads_field, self.scene.lights)),
             "UNCOUNTED": not any(p.counts for p in self.passes),
         }
         return marching.variants_of(self.scene) | {name for name, called in used.items() if called}
@@ -257,7 +263,7 @@ def plan(
     check_scene("plan", scene)
     given, view = scene, default_view(scene)
     origin = origin_of(view)
-    scene = seen_from(given, origin)
+    scene = lights.with_discs(seen_from(given, origin))
     fixed = lowering is not None or gathered is not None
     lowering = lowering or Lowering()
     live = not standalone and scene.quality.temporal != "reproject"  # motion vectors are computed for text
@@ -339,6 +345,12 @@ def plan(
         seen=at_camera if hidden else None,
     )
     shaded = lit and any(p.shades for p in drawn)
+    soft = any(map(reads_field, scene.lights))
+    if solid.facts.divided and shaded and (soft or scene.occlusion is not None):
+        made.undivided = hoist(lowering.again().field(solid, "undivided_field", undivided=True))
+        r = var("r", FLOAT)
+        slope = solid.facts.undivided / solid.facts.lipschitz
+        made.further += [made.undivided, Function("divided", (r,), r / slope)] if soft else []
     needs_normal = (shaded and shading.needs_surface(scene)) or geometry
     sliced = any(p.name == "slice" for p in drawn)
     joint = shading.with_gradient(scene) and shaded and lowering.sites is None
@@ -501,11 +513,6 @@ def _warnings(made: Plan, view: DefaultView) -> list[str]:
         if node.facts.empty and not any(child.facts.empty for child in node.children):
             place = f" at {node.where}" if node.where else ""
             found.append(f"{node.name}{place} is empty: the bounding boxes of its operands do not overlap")
-    for node in all_nodes(scene.node):
-        if node.name in ("round", "shell") and node.children[0].exactness != "exact":
-            place = f" at {node.where}" if node.where else ""
-            found.append(
-                f"{node.name}{place} acts on a {node.children[0].exactness} field ({node.children[0].name}): "
-                "where the bound is loose, the surface moves by less than requested"
-            )
+    found += moved_otherwise(scene.node)
+    found += misread(scene)
     return [*found, *unused(scene), *range_warning(view, made.origin, made.seen or made.field)]

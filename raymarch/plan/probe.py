@@ -43,7 +43,7 @@ def plan_faults(scene: Scene) -> Probing:
     field, surface = first_fault([made.field.body]), first_fault(inspected)
     further = [_function("field_faults", made.field, field), _function("surface_faults", made.field, surface)]
     _strip(made, plain(made.field))
-    made.further = further
+    made.further += further
     made.choices["probe/note_calls"] = FAULTS.reason
     return Probing(made, nodes)
 
@@ -79,3 +79,4 @@ def _strip(made: Plan, field: Function) -> None:
     made.gradient, made.emission, made.material, made.relief, made.glass = (
         None if f is None else plain(f) for f in (made.gradient, made.emission, made.material, made.relief, made.glass)
     )
+    made.undivided, made.further = made.undivided and plain(made.undivided), list(map(plain, made.further))

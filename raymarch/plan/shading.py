@@ -122,6 +122,7 @@ def features(scene: Scene) -> list[Feature]:
     feature("lights as data", lights.as_data(scene), f"{len(every)} lights in one loop{found_by}", few)
     of_lights("hard shadows", [x for x in every if x.shadow and not x.soft], "no light has shadow=True", casts)
     of_lights("soft shadows", [x for x in every if x.soft], "no light that casts a shadow has a softness", casts)
+    of_lights("visible lights", lights.visible(scene), "no light has visible=True")
     both = [x for x in every if lights.samples_of(scene, x) > scene.quality.light_samples]
     why = "no light with an area is sampled, or no lobe is narrow"
     of_lights("multiple importance sampling", both, why, "{} lights are sampled by narrow lobes too")

@@ -13,7 +13,7 @@ import numpy as np
 
 from raymarch.expr.node import Expr
 from raymarch.plan.shading import dims_ambient_light
-from raymarch.scene.light import Light, RectLight
+from raymarch.scene.light import Light, has_area, has_disc
 from raymarch.scene.material import SMOOTH, Material
 from raymarch.scene.parameter import is_zero
 from raymarch.scene.scene import Scene
@@ -57,7 +57,7 @@ def _shadows(scene: Scene) -> Iterator[str]:
     for light in scene.lights:
         name = type(light).__name__
         given = {"softness": not is_zero(light.softness) and not hasattr(light, "radius")}
-        given |= {"penumbra": light.penumbra != "two-sided" and not isinstance(light, RectLight)}
+        given |= {"penumbra": light.penumbra != "two-sided" and not has_area(light)}
         given |= {"shadow_radius": getattr(light, "shadow_radius", None) is not None}
         for option in (option for option, is_given in given.items() if is_given):
             if not light.shadow:
@@ -66,8 +66,22 @@ def _shadows(scene: Scene) -> Iterator[str]:
                 yield _at(light, f"{name}(penumbra=...) has no effect without softness")
     if scene.quality.shadow_steps is not None and not casting:
         yield "Quality(shadow_steps=...) has no effect: no light has shadow=True"
-    if scene.quality.light_samples > 1 and not any(is_sampled(light) for light in scene.lights):
-        yield "Quality(light_samples=...) has no effect: no RectLight, and no soft shadow with penumbra='sampled'"
+    if scene.quality.light_samples > 1 and not any(is_sampled(light, scene) for light in scene.lights):
+        yield "Quality(light_samples=...) has no effect: no light has an area, no shadow has penumbra='sampled'"
+
+
+def _shown(scene: Scene) -> Iterator[str]:
+    """Emissive solids at the place of a light: they hide it, or light the scene a second time."""
+    areas = [light for light in scene.lights if getattr(light, "visible", True) is False]
+    areas = [light for light in areas if light.has_position and light.arguments()["position"].is_constant]
+    if not areas or not any(m.emits for m in scene.materials):
+        return
+    for solid, label in (each for operands in _unions(scene.node) for each in operands):
+        if solid.facts.bounded and any(isinstance(m, Material) and m.emits for m in seen_labels(solid) or {label}):
+            for light in areas:
+                if solid.distance(light.arguments()["position"].data[None])[0] <= 0.0:
+                    name = type(light).__name__
+                    yield _at(light, f"an emissive solid is at the place of a {name} ({name}(visible=True) needs none)")
 
 
 def _camera(scene: Scene) -> Iterator[str]:
@@ -143,6 +157,7 @@ RULES: tuple[Callable[[Scene], Iterator[str]], ...] = (
     _bounces,
     _ambient,
     _shadows,
+    _shown,
     _camera,
     _fog,
     _materials,
@@ -156,9 +171,9 @@ def _at(part: Material | Light | object, sentence: str) -> str:
     return f"{where}: {sentence}" if where else sentence
 
 
-def is_sampled(light: Light) -> bool:
+def is_sampled(light: Light, scene: Scene) -> bool:
     """True if random points of a light give its light or its shadow."""
-    return isinstance(light, RectLight) or (light.soft and light.penumbra == "sampled")
+    return has_area(light) or has_disc(light, scene.bouncing)
 
 
 def _constant(value: Expr) -> float | None:

@@ -35,9 +35,7 @@ from raymarch.expr.vocabulary import (
     vec3,
     where,
 )
-from raymarch.expr.walk import free_variables
-from raymarch.scene.light import SAMPLE as SAMPLE_OF_LIGHT
-from raymarch.scene.light import Light, density_of, sample_of, to_world
+from raymarch.scene.light import Light, density_of, has_area, has_disc, to_world
 from raymarch.scene.material import COAT, FIELDS, GLOSSY, PHONG, PHYSICAL, SMOOTH, Material
 from raymarch.scene.quality import Quality
 
@@ -314,7 +312,8 @@ class Lobe(NamedTuple):
 
     roughness : width of the lobe, a float.
     albedo : its directional albedo at the view, a vec3.
-    reflectance : the albedo of a perfect mirror, a vec3.
+    reflectance : the albedo of a mirror in its place, a vec3. At most what the parts below the lobe leave over: at
+        grazing angles a perfect mirror reflects more than a rough surface.
     wide : directional albedo of light that is scattered several times, in all directions, a vec3; None for none.
     """
 
@@ -349,6 +348,11 @@ class BSDF(ABC):
     def rough(self) -> tuple[str, ...]:
         """The material values that are the roughness of a lobe."""
         return ()
+
+    @property
+    def metal(self) -> str:
+        """The material value that is 1 where no light is reflected diffusely; empty if there is none."""
+        return ""
 
     def prepare(self, values: Values, normal: Expr, view: Expr) -> dict[str, Expr]:
         """Values that depend on the view but not on the light, by name. Other methods find them among the values."""
@@ -450,6 +454,10 @@ class Microfacets(BSDF):
     @property
     def rough(self) -> tuple[str, ...]:
         return ("roughness",)
+
+    @property
+    def metal(self) -> str:
+        return "metalness" if "metalness" in self.fields else ""
 
     def missing(self, cosine: Expr, roughness: Expr) -> Expr:
         """1 minus the directional albedo of single scattering by white microfacets."""
@@ -554,7 +562,8 @@ class Microfacets(BSDF):
     def lobes(self, values: Values, n_dot_v: Expr) -> list[Lobe]:
         base, roughness = _base(values), values["roughness"]
         scale, bias = self.directional_albedo(n_dot_v, roughness)
-        return [Lobe(roughness, base * scale + bias, fresnel_schlick(base, n_dot_v), values.get("ms_albedo"))]
+        mirror = min(fresnel_schlick(base, n_dot_v), mix(base, vec3(1.0), bias))
+        return [Lobe(roughness, base * scale + bias, mirror, values.get("ms_albedo"))]
 
     def diffuse_albedo(self, values: Values, n_dot_v: Expr) -> Expr:
         _, bias = self.directional_albedo(n_dot_v, values["roughness"])
@@ -606,6 +615,10 @@ class Coated(BSDF):
         return (*self.base.rough, "clearcoat_roughness")
 
     @property
+    def metal(self) -> str:
+        return self.base.metal
+
+    @property
     def layers(self) -> tuple[BSDF, ...]:
         return (self, *self.base.layers)
 
@@ -654,9 +667,8 @@ class Coated(BSDF):
     def lobes(self, values: Values, n_dot_v: Expr) -> list[Lobe]:
         roughness, weight = values["clearcoat_roughness"], values["clearcoat"]
         view, mean = self._transmittance(values, n_dot_v), self._mean_transmittance(values)
-        mirror = weight * fresnel_schlick(vec3(COAT_F0), n_dot_v)
-        scale, bias = self.base.directional_albedo(n_dot_v, roughness)
-        coat = Lobe(roughness, vec3(weight * (COAT_F0 * scale + bias)), mirror)
+        mirror = min(weight * fresnel_schlick(vec3(COAT_F0), n_dot_v), vec3(1.0 - view))
+        coat = Lobe(roughness, vec3(1.0 - view), mirror)
         below = [
             lobe.scaled(view * mix(view, mean, lobe.roughness), (1.0 - mirror) * (1.0 - mirror), view * mean)
             for lobe in self.base.lobes(values, n_dot_v)
@@ -687,6 +699,10 @@ class Blend(BSDF):
     @property
     def rough(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys((*self.first.rough, *self.second.rough)))
+
+    @property
+    def metal(self) -> str:
+        return self.first.metal or self.second.metal
 
     @property
     def layers(self) -> tuple[BSDF, ...]:
@@ -755,15 +771,15 @@ def _narrow(bsdf: BSDF, values: Values, normal: Expr, view: Expr) -> list[tuple[
     return [(alpha, share / count) for alpha, share in zip(alphas, used, strict=True)]
 
 
-def samples_both(light: Light, materials: Sequence[Material]) -> bool:
+def samples_both(light: Light, materials: Sequence[Material], bounces: bool = False) -> bool:
     """True if surfaces sample their lobes beside the points of a light, because a lobe may be narrower than the light.
 
-    Such a light has an area, and its light or its shadow is sampled at random points.
+    Such a light has an area, and its light or its shadow is sampled at random points. bounces : see `has_disc`.
     """
     if not any(material.glossy for material in materials):
         return False
-    area = SAMPLE_OF_LIGHT in free_variables(sample_of(light))
-    disc = light.soft and light.penumbra == "sampled"
+    area = has_area(light)
+    disc = has_disc(light, bounces)
     return disc != area and (disc or density_of(light) is not None)
 
 

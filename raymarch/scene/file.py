@@ -16,34 +16,38 @@ from pathlib import Path
 from typing import Any
 
 from raymarch.errors import Location, RaymarchError, SceneError, is_users
-from raymarch.expr.convert import described
+from raymarch.expr.convert import described, working_directory_kept
 from raymarch.scene.scene import Scene, scene_of
 from raymarch.sdf.node import Node
 
 
-def load(path: str | os.PathLike[str]) -> Scene:
+def read(path: str | os.PathLike[str]) -> bytes:
+    """The content of a scene file. SceneError if it cannot be read."""
+    try:
+        return Path(path).read_bytes()
+    except OSError as fault:
+        raise SceneError(f"cannot read scene file '{path}': {fault.strerror or fault}", legal="a Python file") from None
+
+
+def load(path: str | os.PathLike[str], source: bytes | None = None) -> Scene:
     """Run a scene file in a fresh namespace and return its scene.
 
     The file defines `scene`: a Scene, a node (which is wrapped in a Scene), or a function without parameters that
-    returns either. Modules in the folder of the file can be imported. Raises SceneError with the file and line at
-    fault.
+    returns either. Modules in the folder of the file can be imported. The working directory is afterwards what it was
+    before. Raises SceneError with the file and line at fault.
+
+    source : the content of the file, if it is read already.
     """
     file = Path(path)
-    try:
-        source = file.read_bytes()
-    except OSError as fault:
-        raise SceneError(f"cannot read scene file '{file}': {fault.strerror or fault}", legal="a Python file") from None
+    source = read(file) if source is None else source
     name = str(file)
     namespace = types.ModuleType("__raymarch_scene__")
     namespace.__file__ = name
     linecache.checkcache(name)
     try:
-        with _module_beside(namespace, str(file.resolve().parent)):
+        with working_directory_kept(), _module_beside(namespace, str(file.resolve().parent)):
             exec(_compiled(source, name), namespace.__dict__)
             scene = _find(namespace, name)
-            for variable, value in vars(namespace).items():
-                if isinstance(value, Node):
-                    value.variable = variable
             scene.expressions()  # evaluates the file's own definitions, so that their errors name lines of the file
             return scene
     except RaymarchError:

@@ -20,7 +20,7 @@ from raymarch.expr.node import Expr, const
 from raymarch.expr.walk import find, substitute
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene, all_nodes
-from raymarch.sdf.node import Node
+from raymarch.sdf.node import Node, children_first
 
 
 class Condition(Protocol):
@@ -129,6 +129,20 @@ def _at_frame(given: Sequence[Expr], values: Values) -> list[Expr]:
     known = {leaf: const(values.time) for leaf in find(given, "time")}
     known |= {leaf: const(values.params.get(leaf.data.name, leaf.data.value)) for leaf in find(given, "param")}
     return substitute(given, known)
+
+
+def solid_at(root: Node, values: Values) -> Node:
+    """The solid of a frame: with the parameters and time of the frame as constants."""
+    made: dict[int, Node] = {}
+    for node in children_first(root):
+        names = _moving(node)
+        children = tuple(made[id(child)] for child in node.children)
+        if names or any(a is not b for a, b in zip(children, node.children, strict=True)):
+            now = dict(zip(names, _at_frame([node.params[name] for name in names], values), strict=True))
+            made[id(node)] = Node(node.definition, children, {**node.params, **now}, label=node.label)
+        else:
+            made[id(node)] = node
+    return made[id(root)]
 
 
 def _plain(value: Expr) -> Any:

@@ -22,6 +22,9 @@ from raymarch.expr.limits import Limit, limited
 from raymarch.expr.node import Expr, const, expr, var
 from raymarch.expr.types import BOOL, FLOAT, VEC2, VEC3, struct
 from raymarch.expr.vocabulary import (
+    acos,
+    asin,
+    atan,
     clamp,
     cos,
     cross,
@@ -37,6 +40,7 @@ from raymarch.expr.vocabulary import (
     vec3,
     where,
 )
+from raymarch.expr.walk import free_variables
 from raymarch.scene.parameter import LEAST_LENGTH, as_color, as_direction, as_number, as_vec3, is_zero
 from raymarch.scene.value import Part, value
 from raymarch.sdf.domain import ColorLike, Scalar, Vec3Like
@@ -88,18 +92,43 @@ DIRECTION_SAMPLE = var("light_sample", LIGHT)
 """A sample of a light, of which the density is asked."""
 
 
+class RayHit(NamedTuple):
+    """The first point of a visible light on a ray.
+
+    Attributes
+    ----------
+    distance : from the ray's origin, negative if the ray misses the light.
+    cosine : of the angle between the ray and the light's surface normal, > 0.
+    radiance : linear RGB, what a ray that ends there shows.
+    """
+
+    distance: Expr
+    cosine: Expr
+    radiance: Expr
+
+
+LIGHT_HIT = struct("LightHit", (("distance", FLOAT), ("cosine", FLOAT), ("radiance", VEC3)))
+"""The struct of a `RayHit`."""
+
+
 @function(light=LIGHT, width=FLOAT, u=VEC2)
 def sample_disc(light: Expr, width: Expr, u: Expr) -> Expr:
     """A random point of a light's disc, for a hard shadow and BSDF evaluation of its own.
 
     The mean over u converges to the whole disc. width : sine of its angular radius. Points are uniform on the
     projection of the light's sphere to a plane perpendicular to the light's direction. Each is weighted by 1 / cosine
-    for its solid angle, so that a diffuse surface is as bright as under a point light.
+    for its solid angle, so that a diffuse surface is as bright as under a point light. The shadow ray ends at the
+    sphere's surface.
     """
     r, turn = min(width, 0.999) * sqrt(u.x), 2.0 * math.pi * u.y
     c = sqrt(1.0 - r * r)
     direction = to_world(get(light, "direction"), vec3(r * cos(turn), r * sin(turn), c))
-    return record(LIGHT, direction, get(light, "distance"), get(light, "radiance") / c)
+    return record(LIGHT, direction, _to_sphere(light, width, r * r, c), get(light, "radiance") / c)
+
+
+def _to_sphere(light: Expr, width: Expr, squared_sine: Expr, cosine: Expr) -> Expr:
+    """The distance to a light's sphere in a direction at an angle to its middle; 0 within the sphere."""
+    return max(get(light, "distance") * (cosine - sqrt(max(width * width - squared_sine, 0.0))), 0.0)
 
 
 @function(light=LIGHT, width=FLOAT, direction=VEC3)
@@ -108,9 +137,10 @@ def eval_disc(light: Expr, width: Expr, direction: Expr) -> Expr:
     axis = get(light, "direction")
     side, cosine = cross(axis, direction), dot(axis, direction)
     limit = min(width, 0.999)
-    met = (cosine > 0.0) & (dot(side, side) <= limit * limit)
+    squared = dot(side, side)
+    met = (cosine > 0.0) & (squared <= limit * limit)
     radiance = where(met, get(light, "radiance") / max(cosine, SMALLEST), vec3(0.0))
-    return record(LIGHT, direction, get(light, "distance"), radiance)
+    return record(LIGHT, direction, _to_sphere(light, width, squared, cosine), radiance)
 
 
 @function(light=LIGHT, width=FLOAT, direction=VEC3)
@@ -118,6 +148,46 @@ def pdf_disc(light: Expr, width: Expr, direction: Expr) -> Expr:
     """The density of the directions of `sample_disc`, per solid angle, for a direction that meets the disc."""
     limit = min(width, 0.999)
     return max(dot(get(light, "direction"), direction), 0.0) / (math.pi * max(limit * limit, SMALLEST))
+
+
+def _elevations(light: Expr, width: Expr, normal: Expr) -> tuple[Expr, Expr, Expr]:
+    """Of a sphere: whether a surface's horizon cuts it, the elevation of its middle, and that of its visible part."""
+    cosine = dot(normal, get(light, "direction"))
+    elevation = asin(clamp(cosine, -1.0, 1.0))
+    return abs(cosine) < width, elevation, 0.5 * (elevation + asin(min(width, 1.0)))
+
+
+@function(light=LIGHT, width=FLOAT, normal=VEC3)
+def above_horizon(light: Expr, width: Expr, normal: Expr) -> Expr:
+    """The direction to the middle of the part of a light's sphere that a surface sees, and the distance there.
+
+    width : sine of the sphere's angular radius.
+    """
+    cut, elevation, visible = _elevations(light, width, normal)
+    direction = get(light, "direction")
+    level = direction - sin(elevation) * normal
+    bent = cos(visible) / max(length(level), 1e-6) * level + sin(visible) * normal
+    turned = where(cut, sin(visible - elevation), 0.0)
+    distance = _to_sphere(light, width, turned * turned, sqrt(1.0 - turned * turned))
+    return record(LIGHT, where(cut, bent, direction), distance, get(light, "radiance"))
+
+
+@function(light=LIGHT, width=FLOAT, normal=VEC3)
+def part_above_horizon(light: Expr, width: Expr, normal: Expr) -> Expr:
+    """The irradiance of a light's sphere that a surface's horizon cuts, over that of its whole disc in the direction of
+    `above_horizon`; 1 where it is not cut.
+
+    The form factor of a sphere (Snyder 1996), written without differences of nearly equal numbers.
+    """
+    cut, elevation, visible = _elevations(light, width, normal)
+    squared, cosine = max(width * width, SMALLEST), sin(elevation)
+    sine = sqrt(max(1.0 - cosine * cosine, 0.0))
+    x = sqrt(max(1.0 / squared - 1.0, 1e-8))
+    y = clamp(-x * cosine / max(sine, 1e-6), -1.0, 1.0)
+    a = sine * sqrt(1.0 - y * y) / x
+    small = a - a * a * a * (1.0 / 3.0 - a * a * (0.2 - a * a * (1.0 / 7.0 - a * a / 9.0))) / squared
+    factor = (cosine * acos(y) + where(a < 0.25, small, atan(a) / squared - a * x * x)) / math.pi
+    return where(cut, max(factor, 0.0) / max(sin(visible), 1e-6), 1.0)
 
 
 @function(lobe=BOOL, of_light=FLOAT, of_lobes=FLOAT)
@@ -145,7 +215,8 @@ class Light(Part):
     intensity : factor of the colour, >= 0.
     shadow : whether the light casts a shadow. False costs nothing.
     softness : size of the light for its shadow, >= 0: the radius of a light with a position, or the tangent of the
-        angular radius of a sun (0.0047 for the real one). 0 gives a hard shadow, which is the cheapest.
+        angular radius of a sun (0.0047 for the real one), whose light then comes evenly from that cone. 0 gives a hard
+        shadow, which is the cheapest.
     penumbra : method for soft shadows.
 
         - "two-sided": the fraction of the light's disc that the nearest obstacle leaves visible. The obstacle is taken
@@ -209,6 +280,14 @@ class Light(Part):
         """The density of `sample_direction` at a sample with radiance, per solid angle. None with `eval_direction`."""
         return None
 
+    @staticmethod
+    def eval_ray(values: Mapping[str, Expr], p: Expr, direction: Expr) -> RayHit | None:
+        """The first point of the light on a ray from a point p in a unit direction. None for a light without an area.
+
+        A light with an attribute `visible` that is True is shown by it.
+        """
+        return None
+
     @property
     def reach(self) -> tuple[Expr, Expr] | None:
         """Centre and radius of a ball beyond which the radiance is 0; None for a light without such a limit.
@@ -226,6 +305,11 @@ class Light(Part):
     def soft(self) -> bool:
         """True if the shadow has a penumbra."""
         return self.shadow and not is_zero(self.softness)
+
+    @property
+    def disc_width(self) -> Expr:
+        """The radius of a light with a position, else the sine of the angular radius."""
+        return self.softness if self.has_position else self.softness / sqrt(1.0 + self.softness * self.softness)
 
 
 @value
@@ -408,7 +492,7 @@ class SpotLight(PointLight):
 
 @value
 class SphereLight(PointLight):
-    """Light from a sphere. The sphere itself is not visible.
+    """Light from a sphere.
 
     Parameters
     ----------
@@ -416,15 +500,18 @@ class SphereLight(PointLight):
     radius : radius of the sphere, > 0. It is also the `softness` of the shadow.
     color, intensity, shadow, penumbra, range, shadow_radius, attenuation : see `PointLight`. `intensity` is the
         brightness at distance 1 from the centre.
+    visible : whether camera rays, mirrors and refraction show the sphere, with a radiance of intensity / radius^2. It
+        needs no node, and casts no shadow. In scenes with bounces, its shadow is sampled, whatever its `penumbra`.
 
     Notes
     -----
-    To show the sphere, add a node with an emission of intensity / radius^2.
-    A diffuse surface that sees the whole sphere is lit exactly as by a point light. Highlights are those of a point.
+    A diffuse surface is lit exactly by the part of the sphere above its horizon. Points within the sphere receive no
+    light. Highlights are those of a point, unless the light is sampled.
     Raises SceneError for a value outside its range.
     """
 
     radius: Expr
+    visible: bool
 
     LABEL = "sphere lights"
 
@@ -439,17 +526,36 @@ class SphereLight(PointLight):
         range: Scalar | None = None,
         shadow_radius: Scalar | None = None,
         attenuation: Vec3Like | None = None,
+        visible: bool = False,
     ) -> None:
         given = as_number("SphereLight: radius", radius, LEAST_LENGTH)
         PointLight.__init__(
             self, position, color, intensity, shadow, given, penumbra, range, shadow_radius, attenuation
         )
-        self._set(radius=given)
+        self._set(radius=given, visible=switch("SphereLight: visible", visible))
+
+    def emitter_values(self) -> dict[str, Expr]:
+        return {**PointLight.emitter_values(self), "radius": self.radius}
+
+    @staticmethod
+    def sample_direction(values: Mapping[str, Expr], p: Expr, u: Expr, far: Expr) -> DirectionSample:
+        found = PointLight.sample_direction(values, p, u, far)
+        return found._replace(radiance=where(found.distance > values["radius"], found.radiance, vec3(0.0)))
+
+    @staticmethod
+    def eval_ray(values: Mapping[str, Expr], p: Expr, direction: Expr) -> RayHit:
+        to_centre, radius = values["position"] - p, values["radius"]
+        middle = dot(to_centre, direction)
+        side = to_centre - middle * direction
+        inside = radius * radius - dot(side, side)
+        half = sqrt(max(inside, 0.0))
+        distance = where((inside > 0.0) & (middle > half), middle - half, -1.0)
+        return RayHit(distance, half / radius, values["radiance"] / (radius * radius))
 
 
 @value
 class RectLight(Light):
-    """Light from one side of a rectangle. The rectangle itself is not visible.
+    """Light from one side of a rectangle.
 
     One random point of it lights each sample, so its light and shadow are exact but noisy: it needs
     `Quality(samples=...)` or several frames. In scenes with physical materials smoother than a roughness of 0.4, one
@@ -464,11 +570,12 @@ class RectLight(Light):
     up : direction of its height, any length but 0, not parallel to `direction`. None for y, or z if it shines along y.
     color, intensity, shadow : see `Light`. `intensity` is the brightness at distance 1 from a small rectangle.
     range : distance from a point of the rectangle beyond which it lights nothing; see `PointLight`.
+    visible : whether camera rays, mirrors and refraction show the side that shines, with a radiance of
+        pi * intensity / (width * height). It needs no node, and casts no shadow. The other side is never seen.
 
     Notes
     -----
-    A point at distance d adds intensity * cos(angle to `direction`) / d^2. To show the rectangle, add a node with an
-    emission of pi * intensity / (width * height).
+    A point at distance d adds intensity * cos(angle to `direction`) / d^2.
     Raises SceneError for a value outside its range.
     """
 
@@ -478,6 +585,7 @@ class RectLight(Light):
     direction: Expr
     up: Expr
     range: Expr | None
+    visible: bool
 
     LABEL = "rectangular lights"
 
@@ -492,9 +600,11 @@ class RectLight(Light):
         intensity: Scalar = 1.0,
         shadow: bool = False,
         range: Scalar | None = None,
+        visible: bool = False,
     ) -> None:
         Light.__init__(self, color, intensity, shadow, 0.0, "sampled")
         self._set(
+            visible=switch("RectLight: visible", visible),
             range=optional(as_number, "RectLight: range", range, LEAST_LENGTH),
             position=as_vec3("RectLight: position", position),
             width=as_number("RectLight: width", width, low=LEAST_LENGTH),
@@ -539,22 +649,33 @@ class RectLight(Light):
 
     @staticmethod
     def eval_direction(values: Mapping[str, Expr], p: Expr, direction: Expr, far: Expr) -> DirectionSample:
-        across, along, normal = values["across"], values["along"], values["normal"]
-        to_centre, cosine = values["position"] - p, -dot(direction, normal)
-        distance = -dot(to_centre, normal) / max(cosine, SHORTEST)
-        place = distance * direction - to_centre
-        u, v = dot(place, across) / dot(across, across), dot(place, along) / dot(along, along)
-        met = (min(cosine, distance) > SHORTEST) & (max(abs(u), abs(v)) <= 0.5)
+        met, distance, cosine = _on_rectangle(values, p, direction)
         falloff = cosine / max(distance * distance, SMALLEST)
         if "range" in values:
             falloff = falloff * _window(distance, values["range"])
         return DirectionSample(direction, distance, where(met, falloff * values["radiance"], vec3(0.0)))
 
     @staticmethod
+    def eval_ray(values: Mapping[str, Expr], p: Expr, direction: Expr) -> RayHit:
+        met, distance, cosine = _on_rectangle(values, p, direction)
+        area = length(values["across"]) * length(values["along"])
+        return RayHit(where(met, distance, -1.0), cosine, math.pi / area * values["radiance"])
+
+    @staticmethod
     def pdf_direction(values: Mapping[str, Expr], p: Expr, sample: DirectionSample) -> Expr:
         area = length(values["across"]) * length(values["along"])
         cosine = max(-dot(sample.direction, values["normal"]), SHORTEST)
         return sample.distance * sample.distance / (area * cosine)
+
+
+def _on_rectangle(values: Mapping[str, Expr], p: Expr, direction: Expr) -> tuple[Expr, Expr, Expr]:
+    """Whether a ray meets the side of a rectangle that shines, its distance, and the cosine to its normal."""
+    across, along, normal = values["across"], values["along"], values["normal"]
+    to_centre, cosine = values["position"] - p, -dot(direction, normal)
+    distance = -dot(to_centre, normal) / max(cosine, SHORTEST)
+    place = distance * direction - to_centre
+    u, v = dot(place, across) / dot(across, across), dot(place, along) / dot(along, along)
+    return (min(cosine, distance) > SHORTEST) & (max(abs(u), abs(v)) <= 0.5), distance, cosine
 
 
 KINDS = (Sun, PointLight, SpotLight, SphereLight, RectLight)
@@ -578,6 +699,11 @@ def sample_of(light: Light, values: Mapping[str, Expr] | None = None) -> Directi
     return made
 
 
+def has_area(light: Light) -> bool:
+    """True if random points of a light give its light."""
+    return SAMPLE in free_variables(sample_of(light))
+
+
 def density_of(light: Light, values: Mapping[str, Expr] | None = None) -> tuple[DirectionSample, Expr] | None:
     """A light's `eval_direction` at `POINT` and `DIRECTION`, and its `pdf_direction` of `DIRECTION_SAMPLE`, checked.
 
@@ -599,12 +725,26 @@ def density_of(light: Light, values: Mapping[str, Expr] | None = None) -> tuple[
     return DirectionSample(*map(expr, met)), expr(pdf)
 
 
+def has_disc(light: Light, bounces: bool) -> bool:
+    """True if random points of a light's disc cast its shadow. bounces : whether rays bounce: then those of a visible
+    light do, so that mirrors show its disc."""
+    return light.soft and (light.penumbra == "sampled" or (bounces and getattr(light, "visible", False)))
+
+
+def ray_hit_of(light: Light, values: Mapping[str, Expr]) -> RayHit | None:
+    """The `eval_ray` of a visible light at `POINT` and `DIRECTION`; None for a light that is not visible.
+
+    values : stand for its `emitter_values`.
+    """
+    return light.eval_ray(values, POINT, DIRECTION) if getattr(light, "visible", False) else None
+
+
 def hard(light: Light) -> Light:
     """The same light with hard shadows. A SphereLight becomes a PointLight at its centre, and a RectLight tiny."""
     if isinstance(light, RectLight):
-        return light.replace(width=LEAST_LENGTH, height=LEAST_LENGTH)
+        return light.replace(width=LEAST_LENGTH, height=LEAST_LENGTH, visible=False)
     if isinstance(light, SphereLight):
-        return PointLight(**{name: value for name, value in light.arguments().items() if name != "radius"})
+        return PointLight(**{n: v for n, v in light.arguments().items() if n not in ("radius", "visible")})
     return light.replace(softness=0.0)
 
 

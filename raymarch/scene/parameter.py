@@ -39,7 +39,7 @@ class Spec:
     where: Location | None = field(default=None, compare=False)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _spec, (self.name, self.value, self.min, self.max, self.where)
+        return _legal_spec, (self.name, self.value, self.min, self.max, self.where)
 
     def __repr__(self) -> str:
         ends = "".join(f", {side}={_shown(v)}" for side, v in (("min", self.min), ("max", self.max)) if v is not None)
@@ -112,29 +112,31 @@ def Param(
     -----
     Two parameters of one name must be equal. Raises SceneError for a value outside its range or an illegal name.
     """
+    spec = _legal_spec(name, value, min, max, user_location())
+    made = make("param", spec.type, (), spec)
+    made.data = spec  # of equal parameters the latest has the line that the user sees, such as after a reload
+    return made
+
+
+def _legal_spec(name: Any, value: Any, low: Any, high: Any, where: Location | None) -> Spec:
+    """The checked content of a parameter, new or of a pickle."""
     if not isinstance(name, str) or not re.fullmatch(r"[^\W_][\w -]*", name):
         raise SceneError(
             f"Param: name = {short(name)}", legal="a letter or digit, then letters, digits, space, _ and -"
         )
     default = _plain(value, f"Param '{name}': value")
-    low = None if min is None else _plain(min, f"Param '{name}': min")
-    high = None if max is None else _plain(max, f"Param '{name}': max")
+    low = None if low is None else _plain(low, f"Param '{name}': min")
+    high = None if high is None else _plain(high, f"Param '{name}': max")
     for edge in (low, high):
         if isinstance(edge, tuple) and np.shape(edge) != np.shape(default):
             raise SceneError(
                 f"Param '{name}': range {edge} for a value of {np.shape(default)}", legal="one number, or one each"
             )
-    spec = Spec(name, default, low, high, user_location())
+    spec = Spec(name, default, low, high, where)
     if low is not None and high is not None and not np.all(np.asarray(low) <= np.asarray(high)):
         raise SceneError(f"Param '{name}': min = {_shown(low)} above max = {_shown(high)}", legal="min <= max")
     spec.accept(default)
-    return make("param", spec.type, (), spec)
-
-
-def _spec(name: Any, value: Any, low: Any, high: Any, where: Location | None) -> Spec:
-    """The parameter of a pickle, checked like a new one."""
-    checked: Spec = Param(name, value, low, high).data
-    return Spec(checked.name, checked.value, checked.min, checked.max, where)
+    return spec
 
 
 time: Expr = make("time", FLOAT)
@@ -244,7 +246,8 @@ def _checked(what: str, value: Any, size: int, low: float, high: float, cells: b
         )
     if find([given], "cell"):
         first, last = interval_of(given)
-        if not cells or not np.all((first >= low) & (last <= high)):
+        rounding = 1e-6  # of ranges
+        if not cells or not np.all((first >= low - rounding) & (last <= high + rounding)):
             reason = f"is between {first.tolist()} and {last.tolist()}" if cells else "depends on the index of a cell"
             raise SceneError(f"{what} {reason}", legal=legal)
     elif not find([given], "time"):

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.convert import input_file, numbers, short
+from raymarch.expr.images import read_stored
 from raymarch.expr.srgb import srgb_to_linear
 from raymarch.expr.texels import LARGEST, Wrap
-from raymarch.scene.images import read_stored
 
 Array = NDArray[Any]
 Picture: TypeAlias = str | PathLike[str] | Array
@@ -95,6 +95,7 @@ def stored_of(what: str, picture: Picture | Stored) -> Stored:
     if isinstance(picture, str | PathLike):
         name = input_file(f"{what}: picture", picture, "the name of a picture's file")
         stored, encoded = read_stored(what, name, LARGEST)
+        _check_range(f"{what}: '{name}'", stored, "numbers in the range of half floats")
         return Stored(np.ascontiguousarray(stored, np.float32), encoded, Path(name).name)
     legal = f"a file, or an array (H, W) or (H, W, 1 to 4) of finite numbers, sides from 1 to {LARGEST}"
     numbers(f"{what}: picture", picture, legal)
@@ -108,8 +109,12 @@ def stored_of(what: str, picture: Picture | Stored) -> Stored:
     values = values[..., None] if values.ndim == 2 else values
     if values.shape[2] > 4 or not 1 <= min(values.shape[:2]) <= np.max(values.shape[:2]) <= LARGEST:
         raise SceneError(given, legal=legal)
-    if not np.all(np.abs(values) <= np.finfo(np.float16).max):
-        raise SceneError(f"{what}: the array holds numbers beyond 65504, or that are not finite", legal=legal)
+    _check_range(f"{what}: the array", values, legal)
     made = np.array(values, np.float32, order="C")
     made.setflags(write=False)
     return Stored(made, encoded, f"array of {' x '.join(map(str, array.shape))}")
+
+
+def _check_range(named: str, values: Array, legal: str) -> None:
+    if not np.all(np.abs(values) <= np.finfo(np.float16).max):
+        raise SceneError(f"{named} holds numbers beyond 65504, or that are not finite", legal=legal)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Final
 
@@ -83,8 +83,10 @@ class Bloom(PostEffect):
     A blur goes down and up a pyramid of pictures, each half as large, as in Jimenez (2014), "Next Generation Post
     Processing in Call of Duty: Advanced Warfare". The filters are those of quadratic B-splines (Chaikin 1974), with a
     third of the samples of the paper's. After k levels the variance is 0.5 (4^k - 1) square pixels on each axis;
-    between two levels, their blurs are mixed to the wanted variance. At its borders, the picture is mirrored. Pixels
-    that are not finite stay as they are, and do not glow.
+    between two levels, their blurs are mixed to the wanted variance. At its borders, the picture is mirrored. The last
+    texels of a level may cover less of the picture than the others: each texel has the weight of its cover, and the
+    filter that goes down is the adjoint, under these weights, of the one that goes up. So the sum of all pixels and a
+    constant picture are kept at every size. Pixels that are not finite stay as they are, and do not glow.
 
     It needs the whole picture: pictures that are drawn in tiles are refused, and exported shaders have none.
     Raises SceneError for a value outside its range.
@@ -120,11 +122,15 @@ class Bloom(PostEffect):
 
     def stages(self, numbers: Mapping[str, float], size: tuple[int, int]) -> list[Stage]:
         shares = self.shares(numbers, size[1])
-        sizes = [size]
+        sizes, covers = [size], [_covers(edge, len(shares)) for edge in size]
         for _ in shares:
             sizes.append((-(-sizes[-1][0] // 2), -(-sizes[-1][1] // 2)))
         found = [
-            Stage(smaller, {"u_fine": level - 1, "u_coarse": PICTURE}, {"u_down": True})
+            Stage(
+                smaller,
+                {"u_fine": level - 1, "u_coarse": PICTURE},
+                {"u_down": True, "u_last": tuple(float(cover[level][-k:][0]) for k in (1, 2) for cover in covers)},
+            )
             for level, smaller in enumerate(sizes[1:])
         ]
         for level in range(len(shares) - 1, -1, -1):
@@ -136,8 +142,10 @@ class Bloom(PostEffect):
         shares, color = self.shares(numbers, color.shape[0]), color[::-1]  # levels start at the lower left corner
         finite = np.all(np.isfinite(color), axis=-1, keepdims=True)
         levels = [np.where(finite, color, 0.0)]
-        for _ in shares:
-            levels.append(_down(levels[-1]))
+        rows, columns = (_covers(edge, len(shares)) for edge in color.shape[:2])
+        for k in range(len(shares)):
+            cover = rows[k][:, None, None] * columns[k][:, None]
+            levels.append(_down(levels[-1] * cover) / _down(cover))
         spread = levels.pop()
         for share, level in reversed(list(zip(shares, levels, strict=True))):
             spread = level + share * (_up(spread, level.shape) - level)
@@ -151,29 +159,38 @@ LEVELS: Final = 17
 """Largest number of levels of a bloom: for a radius of 65,535 pixels."""
 
 
-def _mirrored(level: NDArray[Any], first: NDArray[np.intp], axis: int) -> NDArray[Any]:
-    """The texels of a level at some places of an axis, which is mirrored at its ends."""
-    count = level.shape[axis]
-    places = np.maximum(first, -1 - first)
-    return np.take(level, np.clip(np.minimum(places, 2 * count - 1 - places), 0, count - 1), axis=axis)
+MASK: Final = (0.125, 0.375, 0.375, 0.125)
+"""The filter between two levels, that of quadratic B-splines, from one texel before a pair of texels on."""
 
 
-def _down(level: NDArray[Any]) -> NDArray[Any]:
-    """The next coarser level; see post/bloom.glsl."""
-    for axis in (0, 1):
-        places = 2 * np.arange(-(-level.shape[axis] // 2))
-        parts = [
-            weight * _mirrored(level, places + k - 1, axis) for k, weight in enumerate((0.125, 0.375, 0.375, 0.125))
-        ]
-        level = np.sum(parts, axis=0)
+def _down(level: NDArray[np.float64], axes: Sequence[int] = (0, 1)) -> NDArray[np.float64]:
+    """The sums of the next coarser level on some axes. Mirrored at the ends, but for half a pair at the upper one."""
+    for axis in axes:
+        pairs = -(-level.shape[axis] // 2)
+        ends = [(0, 0)] * level.ndim
+        ends[axis] = (1, 1) if level.shape[axis] % 2 == 0 else (1, 0)
+        padded = np.moveaxis(np.pad(level, ends, mode="symmetric"), axis, 0)
+        padded = np.concatenate([padded, np.zeros((2 * pairs + 2 - len(padded), *padded.shape[1:]))])
+        parts = [weight * padded[k : k + 2 * pairs : 2] for k, weight in enumerate(MASK)]
+        level = np.moveaxis(np.sum(parts, axis=0), 0, axis)
     return level
 
 
-def _up(level: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
-    """A level at the places of the next finer one; see post/bloom.glsl."""
+def _up(level: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """A level at the places of the next finer one: linear between its texels, constant beyond the outer ones."""
     for axis in (0, 1):
-        fine = np.arange(shape[axis])
-        right = (0.75 - 0.5 * (fine % 2)).reshape([-1 if k == axis else 1 for k in range(3)])
-        low, high = (_mirrored(level, fine // 2 + fine % 2 + k - 1, axis) for k in (0, 1))
-        level = low + right * (high - low)
+        at = np.clip((np.arange(shape[axis]) + 0.5) / 2.0 - 0.5, 0.0, level.shape[axis] - 1.0)
+        low = at.astype(np.intp)
+        right = (at - low).reshape([-1 if k == axis else 1 for k in range(3)])
+        high = np.minimum(low + 1, level.shape[axis] - 1)
+        first = np.take(level, low, axis)
+        level = first + right * (np.take(level, high, axis) - first)
     return level
+
+
+def _covers(edge: int, count: int) -> list[NDArray[np.float64]]:
+    """How much of an axis of the picture each texel covers, of so many levels: 1, except for the last two texels."""
+    covers = [np.ones(edge)]
+    for _ in range(count):
+        covers.append(_down(covers[-1], (0,)))
+    return covers

@@ -87,7 +87,8 @@ class Quality(Value):
         A field that is only an estimate is marched with "plain", unless `assume_certified` is set. If it is negative
         inside of its solid, "auto" and "bracketing" march it with "bracketing": by at most a pixel more than its value.
     max_steps : maximum number of steps of a camera ray, 1 to 60,000 (software renderers end loops at 65,535). Rays that
-        leave a surface may take eight times as many: they start on it, and steps along it grow slowly.
+        leave a surface may take eight times as many: they start on it, and steps along it grow slowly. So may camera
+        rays at 512, the default, up to 4,096 and in one pass: a camera may be close to a surface too.
     epsilon : the march ends where the field falls below this many pixel widths at that distance, 0.001 to 10; see
         `refinement`. None is 0.1, and the hit is then refined to a sixteenth of it. None is 0.5 for an estimate that is
         nowhere negative, such as that of `mandelbox`: its ray ends there, because it has no surface to refine hits on.
@@ -222,6 +223,13 @@ class Quality(Value):
         return min(8 * self.max_steps, 60000)
 
     @property
+    def camera_steps(self) -> int:
+        """Maximum number of steps of a camera ray. A limit below the default saves time and is kept; the default ends
+        no ray that looks along a surface, as from 1e-4 radii above a ball."""
+        kept = self.max_steps < 512 or self.steps_per_pass is not None
+        return self.max_steps if kept else max(self.max_steps, 4096)
+
+    @property
     def shortened(self) -> bool:
         """True if steps are shorter than the field allows."""
         return self.step_scale < 1 or self.step_variation > 0
@@ -271,9 +279,19 @@ class Quality(Value):
 
     @property
     def footprint(self) -> float:
-        """Width of the texture footprint of one ray, in pixels. It shrinks with the number of rays per pixel."""
-        rays = max(self.samples, 1 if self.temporal == "off" else 4)
-        return float(max(rays**-0.5, 0.125))
+        """Width of the texture footprint of one ray of the first frame, in pixels; see `footprint_of`."""
+        return self.footprint_of(0)
+
+    def footprint_of(self, sample: int) -> float:
+        """Width of the texture footprint of a sample of a picture, in pixels. It shrinks with the rays per pixel.
+
+        sample : its number, 0 to samples - 1 in the first frame; later frames of temporal="accumulate" go on.
+
+        N rays that average a pixel have footprints of the width N**-0.5, at least 1/8. The number of frames is not
+        known ahead, so frame n has N**-0.5 / n: the mean of all variances then falls about as 1 / n, as with more rays.
+        """
+        width = self.samples**-0.5 / (sample // self.samples + 1)
+        return float(max(min(width, 1.0 if self.temporal == "off" else 0.5), 0.125))
 
     def near(self, refined: bool) -> float:
         """Field value, in pixel widths, below which a ray refines its hit.

@@ -29,11 +29,14 @@ from raymarch.scene.quality import Quality
 from raymarch.scene.sky import Sky
 from raymarch.scene.tone import ToneMapping
 from raymarch.scene.value import Value, value
+from raymarch.sdf.booleans import smooth_union
+from raymarch.sdf.definition import definition_of
 from raymarch.sdf.domain import ColorLike
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.labels import rows_of, seen_labels
 from raymarch.sdf.node import Node
 from raymarch.sdf.node import all_nodes as all_nodes
+from raymarch.sdf.placing import translate
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -183,6 +186,11 @@ class Scene(Value):
         """True if Whitted ray tracing applies: the integrator is set, and a material mirrors or transmits."""
         smooth = any(m.transmits or m.mirrors for m in _labels(self.node))
         return self.bounces > 0 and self.quality.integrator == "whitted" and smooth
+
+    @property
+    def bouncing(self) -> bool:
+        """True if rays bounce: by paths, or by Whitted ray tracing."""
+        return self.path_traced or self.whitted
 
     @property
     def motion_blur(self) -> bool:
@@ -354,7 +362,9 @@ def _operands(root: Node) -> Iterator[Node]:
     pending, seen = [root], {id(root)}
     while pending:
         node = pending.pop()
-        together = node.definition.associative or node.definition.name == "smooth_union" or node.label is not None
+        together = (
+            node.definition.associative or node.definition is definition_of(smooth_union) or node.label is not None
+        )
         if node.facts.bounded or not together or not node.children:
             yield node
             continue
@@ -370,7 +380,7 @@ def _moved_parts(root: Node) -> list[tuple[Facts, Expr]]:
     found = []
     for node in _operands(root):
         inner, offset = node, const(np.zeros(3))
-        while inner.definition.name == "translate" and not inner.facts.bounded:
+        while inner.definition is definition_of(translate) and not inner.facts.bounded:
             inner, offset = inner.children[0], offset + inner.params["offset"]
         if inner is not node and inner.facts.bounded and not inner.facts.empty:
             found.append((inner.facts, offset))

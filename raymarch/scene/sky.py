@@ -19,12 +19,12 @@ from raymarch.expr.calls import checked
 from raymarch.expr.colors import linear_color
 from raymarch.expr.convert import called, input_file, switch
 from raymarch.expr.function import Function, sum_of, unique_function
+from raymarch.expr.images import read_image
 from raymarch.expr.node import Expr, Operand, expr, var
 from raymarch.expr.samples import Samples, sample
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import acos, atan2, clamp, cos, dot, exp, floor, max, min, mix, tan, vec2, vec3
 from raymarch.expr.walk import free_variables
-from raymarch.scene.images import read_image
 from raymarch.scene.light import Sun
 from raymarch.scene.parameter import Values, as_color, as_direction, as_number
 from raymarch.scene.value import Value, value

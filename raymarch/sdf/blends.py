@@ -1,9 +1,9 @@
 """Families of smooth minima, and shaped joints such as chamfers and stairs.
 
 A family is a fold of two distances. All but the shaped ones are normalised to the classic k: two equal distances a
-blend to a - k/4 (the circular-geometric family, whose fillet depends on a, does so at a = 0). For operands that are
-1-Lipschitz, the slope of a fold is bounded by its two partial derivatives: if they are not negative and sum to 1, the
-result is 1-Lipschitz; if only their squares sum to 1, it is sqrt(2)-Lipschitz.
+blend to a - k/4 (the circular-geometric family, whose fillet depends on a, does so at a = 0). The slope of a fold is
+bounded by its two partial derivatives: if they are not negative and sum to 1, its Lipschitz constant is the larger one
+of its operands; if only their squares sum to 1, it is the root of the sum of the squares of the two constants.
 """
 
 from __future__ import annotations
@@ -127,12 +127,12 @@ class Family:
     """A family of blends.
 
     fold : the smooth minimum of two distances, with k.
-    steepness : Lipschitz constant of a blend of n operands that are 1-Lipschitz; None if it is that of the operands.
+    steepness : Lipschitz constant of a blend of two operands, of theirs; None if it is the larger one.
     margin : largest distance by which a blend of n operands exceeds their union, as a multiple of k.
     """
 
     fold: Fold
-    steepness: Callable[[int], float | None] = lambda n: None
+    steepness: Callable[[Expr, Expr], Expr] | None = None
     margin: Callable[[int], float] = lambda n: 0.25 * levels(n)
 
     def reach(self, n: int, k: Any) -> Expr:
@@ -140,9 +140,13 @@ class Family:
         return expr(k) * const(self.margin(n))
 
 
-def _diagonal(n: int) -> float:
-    """Each fold multiplies the Lipschitz constant by sqrt(2)."""
-    return math.sqrt(2.0) ** levels(n)
+def _hypotenuse(a: Expr, b: Expr) -> Expr:
+    return length(vec2(a, b))
+
+
+def _bevel(a: Expr, b: Expr) -> Expr:
+    """In a chain of 1-Lipschitz operands it stays below 1 + sqrt(2)."""
+    return max(max(a, b), ROOT_HALF * (a + b))
 
 
 def _half(n: int) -> float:
@@ -158,12 +162,12 @@ FAMILIES: dict[str, Callable[[int], Family]] = {
     "exponential": lambda steps: Family(exponential_min),
     "root": lambda steps: Family(root_min),
     "circular_geometric": lambda steps: Family(
-        circular_geometric_min, math.sqrt, lambda n: 0.25 * (math.sqrt(n) - 1.0) / (math.sqrt(2.0) - 1.0)
+        circular_geometric_min, _hypotenuse, lambda n: 0.25 * (math.sqrt(n) - 1.0) / (math.sqrt(2.0) - 1.0)
     ),
-    "round": lambda steps: Family(round_min, math.sqrt, lambda n: 1.0 - 1.0 / math.sqrt(n)),
-    "chamfer": lambda steps: Family(chamfer_min, _diagonal, _half),
+    "round": lambda steps: Family(round_min, _hypotenuse, lambda n: 1.0 - 1.0 / math.sqrt(n)),
+    "chamfer": lambda steps: Family(chamfer_min, _bevel, _half),
     "stairs": lambda steps: Family(stairs(steps), margin=_half),
-    "columns": lambda steps: Family(columns(steps), _diagonal, _half),
+    "columns": lambda steps: Family(columns(steps), _hypotenuse, _half),
 }
 """All families, by the value of `blend=`; stairs and columns depend on their number."""
 

@@ -11,9 +11,11 @@ from typing import Any
 
 from raymarch.errors import SceneError
 from raymarch.expr.convert import choice, described, short
+from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import max, min
+from raymarch.expr.walk import free_variables
 from raymarch.sdf.blends import FAMILIES
 from raymarch.sdf.definition import Child, ChildFacts, combination
 from raymarch.sdf.domain import Count, Positive, Scalar, Word, as_operand
@@ -23,6 +25,10 @@ from raymarch.sdf.node import Node, method
 __all__ = ["difference", "intersection", "union"]
 
 Fold = Callable[[Expr, Expr], Expr]
+
+LEAST_WIDTH = 1e-18
+"""In place of a width that a parameter may make 0. Its square is a float32, so no blend divides by 0; blends of this
+width are hard."""
 
 
 def balanced(values: Sequence[Expr], fold: Fold) -> Expr:
@@ -70,21 +76,50 @@ def _exact_if_apart(*children: Facts) -> Exactness:
     return worst(*[c.exactness for c in children]) if disjoint(*children) else "bound"
 
 
-@combination(bounds=hull, exactness=_exact_if_apart, spread=widest, associative=True, dimension="any", called="union")
+def within(children: Sequence[ChildFacts], margin: Any = 0.0) -> list[tuple[Expr, Expr]]:
+    """The radii of all operands, at which a field is no larger than a margin."""
+    return [pair for child in children for pair in child.within(margin)]
+
+
+@combination(
+    bounds=hull,
+    exactness=_exact_if_apart,
+    spread=widest,
+    radii=within,
+    associative=True,
+    placing="select",
+    dimension="any",
+    called="union",
+)
 def hard_union(p: Expr, children: Sequence[Child]) -> Expr:
     """Union of solids."""
     return balanced([child(p) for child in children], min)
 
 
 @combination(
-    bounds=_overlap, spread=widest, convex=True, associative=True, cuts=True, dimension="any", called="intersection"
+    bounds=_overlap,
+    spread=widest,
+    convex=True,
+    associative=True,
+    cuts=True,
+    placing="select",
+    dimension="any",
+    called="intersection",
 )
 def hard_intersection(p: Expr, children: Sequence[Child]) -> Expr:
     """Intersection of solids."""
     return balanced([child(p) for child in children], max)
 
 
-@combination(bounds=first, spread=spread_of_first, cuts=True, dimension="any", called="difference")
+@combination(
+    bounds=first,
+    spread=spread_of_first,
+    radii=lambda children: children[0].within(),
+    cuts=True,
+    placing="select",
+    dimension="any",
+    called="difference",
+)
 def hard_difference(p: Expr, children: Sequence[Child]) -> Expr:
     """Difference: the first solid without the others."""
     return max(children[0](p), -balanced([child(p) for child in children[1:]], min))
@@ -93,8 +128,16 @@ def hard_difference(p: Expr, children: Sequence[Child]) -> Expr:
 # Smooth: one definition for each operation, the family is a static parameter.
 
 
-def _slope(children: Sequence[ChildFacts], family: str, steps: int) -> float | None:
-    return FAMILIES[family](steps).steepness(len(children))
+def _slope(children: Sequence[ChildFacts], family: str, steps: int) -> Expr | None:
+    fold = FAMILIES[family](steps).steepness
+    return None if fold is None else balanced([child.lipschitz for child in children], fold)
+
+
+def _slope_of_difference(children: Sequence[ChildFacts], family: str, steps: int) -> Expr | None:
+    fold = FAMILIES[family](steps).steepness
+    if fold is None:
+        return None
+    return fold(children[0].lipschitz, balanced([child.lipschitz for child in children[1:]], fold))
 
 
 def _fold(k: Scalar, family: str, steps: int) -> Fold:
@@ -104,6 +147,7 @@ def _fold(k: Scalar, family: str, steps: int) -> Fold:
 
 @combination(
     bounds=lambda children, k, family, steps: _grown(children, FAMILIES[family](steps).reach(len(children), k)),
+    radii=lambda children, k, family, steps: within(children, FAMILIES[family](steps).reach(len(children), k)),
     lipschitz=_slope,
     spread=widest,
     dimension="any",
@@ -120,7 +164,14 @@ def smooth_intersection(p: Expr, children: Sequence[Child], k: Positive, family:
     return -balanced([-child(p) for child in children], _fold(k, family, steps))
 
 
-@combination(bounds=first, lipschitz=_slope, spread=spread_of_first, cuts=True, dimension="any", called="difference")
+@combination(
+    bounds=first,
+    lipschitz=_slope_of_difference,
+    spread=spread_of_first,
+    cuts=True,
+    dimension="any",
+    called="difference",
+)
 def smooth_difference(p: Expr, children: Sequence[Child], k: Positive, family: Word, steps: Count) -> Expr:
     """Smooth difference: the first solid without the others, new edges rounded, or shaped."""
     fold = _fold(k, family, steps)
@@ -134,6 +185,9 @@ def _choose(name: str, nodes: tuple[Node, ...], k: Any, blend: str, steps: int, 
     width = as_operand(f"{name}: k", k, "a number >= 0; 0 gives the hard operation")
     if width.is_constant and width.type is FLOAT and not float(width.data) >= 0.0:
         raise SceneError(f"{name}: k = {short(k)}", legal="a number >= 0; 0 gives the hard operation")
+    varies = width.type is FLOAT and not width.is_constant and not free_variables([width])
+    if varies and interval_of(width)[0] == 0.0:
+        k = max(width, LEAST_WIDTH)
     for node in nodes:
         if not isinstance(node, Node):
             raise SceneError(f"{name} of {described(node)}", legal=f"nodes such as sphere(); of a list, {name}(*nodes)")

@@ -264,9 +264,10 @@ def repeat_mirrored(
 
     Parameters
     ----------
-    spacing : width > 0 of the cells along x, y and z, or one number for all. The origin is the centre of the solid's
-        own cell. None means no repetition along that axis.
-    count : number of cells, centred on the origin: one number, or one for each axis. None means infinitely many.
+    spacing : width > 0 of the cells along x, y and z, or one number for all. The solid's origin is at the centre of
+        each cell. None means no repetition along that axis.
+    count : number of cells, centred on the origin: one number, or one for each axis. None means infinitely many. An
+        even number has a wall at the origin: the centres nearest to it are at spacing / 2 on either side.
 
     The solid must lie in its cell, from -spacing/2 to spacing/2. One evaluation is exact for any exact child: the
     neighbour is the mirror image of the solid in the point's own cell, and the image of a surface point is farther away

@@ -7,6 +7,7 @@ registry, where the fluent methods, the generic tests and the documentation find
 from __future__ import annotations
 
 import inspect
+import math
 import typing
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -22,13 +23,14 @@ from raymarch.expr.evaluate import Program
 from raymarch.expr.function import Function, trace
 from raymarch.expr.intervals import INTERVALS, Interval
 from raymarch.expr.node import Expr, const, expr, make, var
-from raymarch.expr.types import BOOL, FLOAT, MAT2, MAT3, VEC2, VEC3, Type, vector
-from raymarch.expr.vocabulary import vec3
-from raymarch.expr.walk import find
+from raymarch.expr.types import BOOL, FLOAT, MAT2, MAT3, VEC2, VEC3, VECTORS, Type, vector
+from raymarch.expr.vocabulary import length, vec2, vec3, vec4
+from raymarch.expr.walk import find, free_variables, substitute, topological
 from raymarch.sdf.builder import Builder
 from raymarch.sdf.domain import Domain, Fits, domain_of, interval_of_value
 from raymarch.sdf.facts import Exactness, Facts, worst
 from raymarch.sdf.node import Node, called_by_nodes, children_first
+from raymarch.sdf.regions import Motion, Regions
 
 __all__ = ["operator", "shape"]
 
@@ -36,6 +38,13 @@ P = ParamSpec("P")
 Child: TypeAlias = Callable[[Expr], Expr]
 Rule: TypeAlias = Callable[..., Any]
 Dimension: TypeAlias = Literal[2, 3, "any"]
+Placing: TypeAlias = Literal["rigid", "scale", "stretch", "select", "offset", ""]
+"""How an operator passes distances on.
+
+"rigid": the child's value at p, moved, turned or reflected. "scale": that at p moved, turned and divided by a factor,
+times the factor. "stretch": the same, but the map enlarges some lengths by more than the factor. "select": at each
+point the value of a child, or its negative, at a point of equal distances. "offset": the child's value plus a length.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +52,9 @@ class ChildFacts:
     """The facts of a child, as an operator's functions of facts receive them: expressions in place of numbers.
 
     `box` stands for any point of the child's box at once, so `child.box + offset` is the moved box;
-    `lower` and `upper` are its corners, `lipschitz` and `spread` are those of `Facts`.
+    `lower` and `upper` are its corners. `lipschitz` and `spread` are those of the field that the operator receives:
+    the undivided one, whose constant may exceed 1, if the operator does more than scale and choose distances.
+    `centre` is that of the box; `radii` and `swell` are those of `Facts`.
     """
 
     box: Expr
@@ -51,6 +62,13 @@ class ChildFacts:
     upper: Expr
     lipschitz: Expr
     spread: Expr
+    centre: Expr
+    radii: Expr
+    swell: Expr
+
+    def within(self, margin: Any = 0.0) -> list[tuple[Expr, Expr]]:
+        """Centre and radii about it that hold all points at which the child's field is no larger than a margin >= 0."""
+        return [(self.centre, self.radii + self.swell * margin)]
 
     def grown(self, distance: Any) -> tuple[Expr, Expr]:
         """Corners of a box around all points at which the child's field is no larger than a distance >= 0."""
@@ -71,13 +89,16 @@ class Definition:
     arity: str
     exactness: Exactness | Rule
     lipschitz: float | Rule | None
-    bounds: Rule
+    bounds: Rule | None
     symmetry: str | Rule
     spread: float | Rule | None
     convex: bool | Rule
+    radii: Rule | None
+    motion: Rule | None
     check: Rule | Fits | None
     associative: bool
     cuts: bool
+    placing: Placing | Rule
     domains: Mapping[str, Domain]
     defaults: Mapping[str, Any]
     where: Location
@@ -85,7 +106,7 @@ class Definition:
     flat: Definition | None = None
     """The same definition for flat children, where it serves both; this one then serves the solid ones."""
     _templates: dict[Any, Function] = field(default_factory=dict)
-    _facts: dict[Any, tuple[Program, Any]] = field(default_factory=dict)
+    _facts: dict[Any, tuple[Program, bool, int, Motion | None]] = field(default_factory=dict)
 
     def make(self, children: Sequence[Node], args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> Node:
         """A node: parameters checked. Its facts are derived when they are first read, unless they may be refused."""
@@ -153,8 +174,32 @@ class Definition:
                 legal = "a loop of Python, or the child evaluated after the loop"
                 raise SceneError(what, legal=legal, where=self.where)
             self._refuse_infinite(traced)
+            if self.placing in ("rigid", "scale"):
+                self._taken_apart(traced)
             self._templates.setdefault(key, traced)  # another thread may have been faster
         return self._templates[key]
+
+    def placement(self, params: Mapping[str, Any]) -> tuple[Expr, Expr, Expr | None]:
+        """The point p, the point at which the child is evaluated, and the factor of its value; None is 1.
+
+        Of an operator that is placed ("rigid", "scale" or "stretch"). SceneError if its function is of another form.
+        """
+        template = self.template(1, params)
+        point, *symbols = template.params
+        values = dict(zip(symbols, (params[name] for name, _ in self._symbols()), strict=True))
+        child, factor = self._taken_apart(template)
+        found = substitute([child.args[0], *([] if factor is None else [factor])], values)
+        return point, found[0], None if factor is None else found[1]
+
+    def _taken_apart(self, traced: Function) -> tuple[Expr, Expr | None]:
+        """The child's value and its factor in the function of a placed operator. SceneError for another form."""
+        child, factor = traced.body, None
+        if child.op == "mul":
+            factor, child = child.args if child.args[1].op == "apply" else child.args[::-1]
+        if child.op != "apply" or (factor is not None and traced.params[0] in free_variables([factor])):
+            what = f"{self.called} states a placing, but is not placed"
+            raise SceneError(what, legal="child(q), or a factor times child(q)", where=self.where)
+        return child, factor
 
     def _refuse_infinite(self, traced: Function) -> None:
         """SceneError for a constant subexpression that is not finite: GLSL has no such literal, and drivers differ."""
@@ -184,6 +229,15 @@ class Definition:
 
         return child
 
+    def adds(self, n_children: int, params: Mapping[str, Any]) -> bool:
+        """True if the definition compares or adds the distances of its children to lengths, as blends and offsets do.
+
+        It then acts on the undivided fields of its children. Others, which only scale distances and choose among them,
+        act on the divided fields too: each operand of a hard union is divided by its own constant.
+        """
+        traced = self.template(n_children, params)
+        return n_children > 0 and traced.once("adds", lambda: not is_homogeneous(traced.body))
+
     # Facts
 
     def require(self, children: Sequence[Facts], params: Mapping[str, Any]) -> None:
@@ -199,8 +253,8 @@ class Definition:
         self.require(below, params)
         return self._derive([(below, params)])[0]
 
-    def _facts_of(self, n_children: int, params: Mapping[str, Any]) -> tuple[Program, bool]:
-        """The program of the facts, and whether it gives the Lipschitz constant."""
+    def _facts_of(self, n_children: int, params: Mapping[str, Any]) -> tuple[Program, bool, int, Motion | None]:
+        """The program of the facts, whether it gives the Lipschitz constant, and how many radii and what motion."""
         key = (n_children, self.statics(params))
         if key not in self._facts:
             self._facts.setdefault(key, self._trace_facts(n_children, params))
@@ -216,26 +270,55 @@ class Definition:
         They have equally many children and equal static parameters.
         """
         first, params = members[0]
-        program, declared = self._facts_of(len(first), params)
-        inputs: list[Interval] = [
+        program, declared, n_discs, motion = self._facts_of(len(first), params)
+        params_of: list[Interval] = [
             _stacked([interval_of_value(own[n]) for _, own in members])
             for n, d in self.domains.items()
             if d.type is not None
         ]
-        for column in zip(*[below for below, _ in members], strict=True):
-            lower, upper = (np.array([getattr(f, side) for f in column]) for side in ("lower", "upper"))
-            inputs += [(lower, upper), (lower, lower), (upper, upper)]
-            for numbers in (np.array([f.lipschitz for f in column]), np.array([f.spread for f in column])):
-                inputs.append((numbers, numbers))
         n = len(members)
+
+        def found_for(lipschitz: str, spread: str, swell: str) -> tuple[Any, ...]:
+            """Corners, Lipschitz constants, spreads, radii and motions, from those facts of the children."""
+            inputs = [*params_of]
+            for column in zip(*[below for below, _ in members], strict=True):
+                lower, upper = (np.array([getattr(f, side) for f in column]) for side in ("lower", "upper"))
+                inputs += [(lower, upper), (lower, lower), (upper, upper)]
+                facts = [[getattr(f, name) for f in column] for name in (lipschitz, spread)]
+                if n_discs or motion is not None:
+                    with np.errstate(invalid="ignore"):
+                        centre = np.nan_to_num(0.5 * (lower + upper), nan=0.0, posinf=0.0, neginf=0.0)
+                    facts += [centre, [f.reach for f in column], [getattr(f, swell) for f in column]]
+                inputs += [(numbers, numbers) for numbers in map(np.array, facts)]
+            with np.errstate(all="ignore"):
+                low, high, steep, wide, *others = program(*inputs)
+            lowest = np.broadcast_to(np.where(np.isnan(low[0]), -np.inf, low[0]), (n, self.dimension))
+            highest = np.broadcast_to(np.where(np.isnan(high[1]), np.inf, high[1]), (n, self.dimension))
+            return lowest, highest, np.broadcast_to(steep[1], n).tolist(), np.broadcast_to(wide[1], n).tolist(), others
+
+        lowest, highest, steepest, widest, others = found_for("lipschitz", "spread", "swell")
+        undivided, undivided_widest = steepest, widest
+        adds, bounded = self.adds(len(first), params), self.template(len(first), params).body.data is BOUND
+        if any(facts.divided for below, _ in members for facts in below):
+            *corners, undivided, undivided_widest, of = found_for("undivided", "undivided_spread", "undivided_swell")
+            if adds:
+                (lowest, highest), others = corners, of
         with np.errstate(all="ignore"):
-            low, high, steepness, spread = program(*inputs)
-        lowest = np.broadcast_to(np.where(np.isnan(low[0]), -np.inf, low[0]), (n, self.dimension))
-        highest = np.broadcast_to(np.where(np.isnan(high[1]), np.inf, high[1]), (n, self.dimension))
-        steepest, widest = np.broadcast_to(steepness[1], n).tolist(), np.broadcast_to(spread[1], n).tolist()
+            regions = Regions([below for below, _ in members], (lowest, highest), others, n_discs, motion)
         found = []
         for i, (below, own) in enumerate(members):
-            steep = steepest[i] if declared else max((facts.lipschitz for facts in below), default=1.0)
+            largest = max((facts.lipschitz for facts in below), default=1.0)
+            steep = steepest[i] if declared else largest
+            largest = max([largest, *[facts.undivided for facts in below]])
+            whole = undivided[i] if declared else largest
+            if declared and undivided[i] <= steepest[i]:  # a constant for children that are 1-Lipschitz
+                whole *= max(largest, 1.0)
+            wide, undivided_wide = regions.spread(i, widest[i]), regions.spread(i, undivided_widest[i], undivided=True)
+            swell, undivided_swell = regions.swell(i, wide), regions.swell(i, undivided_wide, undivided=True)
+            if adds:
+                steep, wide, swell = whole, undivided_wide, undivided_swell
+            if bounded:
+                steep = largest
             if not 0 < steep < np.inf:
                 what = f"{self.called} has no finite Lipschitz bound here ({steep})"
                 raise SceneError(what, legal="a bounded child, and parameters with a finite range")
@@ -245,12 +328,19 @@ class Definition:
                 Facts(
                     exactness,
                     min(steep, 1.0),
-                    np.asarray(lowest[i], np.float64),
-                    np.asarray(highest[i], np.float64),
+                    regions.lower[i],
+                    regions.upper[i],
                     self._symmetry(below, own),
                     max(steep, 1.0),
-                    1.0 if exactness == "exact" else widest[i] * max(steep, 1.0),
+                    1.0 if exactness == "exact" else wide * max(steep, 1.0),
                     convex and (callable(self.convex) or all(facts.convex for facts in below)),
+                    whole,
+                    1.0 if exactness == "exact" else undivided_wide,
+                    regions.radii[i],
+                    1.0 if exactness == "exact" else swell * max(steep, 1.0),
+                    1.0 if exactness == "exact" else undivided_swell,
+                    regions.placed[i],
+                    regions.far[i],
                 )
             )
         return found
@@ -267,7 +357,7 @@ class Definition:
             return "".join(sorted(set("xyz").intersection(*[c.symmetry for c in children])))
         return str(_value(self.symmetry, children, params))
 
-    def _trace_facts(self, n_children: int, params: Mapping[str, Any]) -> tuple[Program, bool]:
+    def _trace_facts(self, n_children: int, params: Mapping[str, Any]) -> tuple[Program, bool, int, Motion | None]:
         symbols = {n: var(n, t) for n, t in self._symbols()}
         box = vector(self.child_dimension)
         inputs = list(symbols.values())
@@ -275,11 +365,13 @@ class Definition:
         for i in range(n_children):
             facts = [var(f"{name} {i}", box) for name in ("box", "lower", "upper")]
             facts += [var(f"{name} {i}", FLOAT) for name in ("lipschitz", "spread")]
-            inputs += facts
+            facts += [var(f"centre {i}", box), var(f"radii {i}", VECTORS[4]), var(f"swell {i}", FLOAT)]
+            inputs += facts if self.radii is not None or self.motion is not None else facts[:-3]
             children.append(ChildFacts(*facts))
         arguments = {**symbols, **dict(self.statics(params))}
         extra: tuple[Any, ...] = (children,) if self.arity == "many" else tuple(children)
-        region = self.bounds(*extra, **arguments)
+        endless = np.full(self.dimension, np.inf)
+        region = (const(-endless), const(endless)) if self.bounds is None else self.bounds(*extra, **arguments)
         corners = region if isinstance(region, tuple) else (region, region)
         if len(corners) != 2 or any(expr(corner).type is not vector(self.dimension) for corner in corners):
             what = f"{self.called}: bounds gives {short(region)}"
@@ -287,7 +379,13 @@ class Definition:
         lower, upper = corners
         steep, spread = _value(self.lipschitz, extra, arguments), _value(self.spread, extra, arguments)
         roots = [*map(expr, (lower, upper, 0.0 if steep is None else steep, np.inf if spread is None else spread))]
-        return Program(roots, inputs, INTERVALS), steep is not None
+        discs = _value(self.radii, extra, arguments)
+        discs = [] if discs is None else discs if n_children else [(0.5 * (roots[0] + roots[1]), discs)]
+        roots += [expr(part) for disc in discs for part in disc]
+        motion = _value(self.motion, extra, arguments)
+        if motion is not None:
+            roots += motion.parts(self.dimension)
+        return Program(roots, inputs, INTERVALS), steep is not None, len(discs), motion
 
 
 @called_by_nodes
@@ -305,6 +403,20 @@ def derive_facts(root: Node) -> None:
         found = nodes[0].definition._derive([([c.facts for c in node.children], node.params) for node in nodes])
         for node, facts in zip(nodes, found, strict=True):
             node.known_facts = facts
+
+
+def divisor_of(node: Node) -> float | None:
+    """The number by which the field of a node is divided; None if parts of it are divided by different numbers."""
+    if not node.facts.divided:
+        return 1.0
+    definition, n = node.definition, len(node.children)
+    if definition.template(n, node.params).body.data is BOUND:
+        return None
+    if not n or definition.adds(n, node.params):
+        return node.facts.divisor
+    below = {divisor_of(child) for child in node.children}
+    (one,) = below if len(below) == 1 else (None,)
+    return None if one is None else one * node.facts.divisor
 
 
 def _stacked(intervals: Sequence[Interval]) -> Interval:
@@ -351,7 +463,10 @@ def _define(
     source: Callable[..., Any], arity: str, dimension: Dimension, child_dimension: Dimension, declared: dict[str, Any]
 ) -> Definition:
     """The definition; one of any dimension gets a flat twin, whose vectors have two components."""
-    declared = {"check": None, "associative": False, "cuts": False, **declared}
+    declared = {"check": None, "associative": False, "cuts": False, "placing": "", "motion": None, **declared}
+    if declared["placing"] in ("rigid", "scale"):
+        declared["spread"] = declared["spread"] or (lambda child, **params: math.sqrt(3.0) * child.spread)
+        declared["convex"] = True
     if dimension != "any" and child_dimension != "any":
         definition = _define_one(source, arity, dimension, child_dimension, declared)
         REGISTRY[definition.name] = definition
@@ -424,7 +539,7 @@ def _hints(source: Callable[..., Any]) -> Mapping[str, Any]:
         return {}
 
 
-OF_ALL_CHILDREN = ("exactness", "symmetry", "convex", "check")
+OF_ALL_CHILDREN = ("exactness", "symmetry", "convex", "check", "placing")
 """Facts whose functions receive each child's facts as an argument; the others receive one list of many children."""
 
 
@@ -474,7 +589,7 @@ def _decorator(arity: str, dimension: Dimension, child_dimension: Dimension | No
     """The decorator that makes a definition of a function, and gives the function that makes its nodes."""
 
     def decorate(source: Callable[..., Any]) -> Builder:
-        _require(source.__name__, declared["exactness"], declared["bounds"])
+        _require(source.__name__, declared["exactness"], declared["bounds"] or declared.get("motion"))
         return Builder(_define(source, arity, dimension, child_dimension or dimension, declared), source)
 
     return decorate
@@ -489,6 +604,7 @@ def shape(
     symmetry: str | Rule = "",
     spread: float | Rule | None = None,
     convex: bool | Rule = False,
+    radii: Rule | None = None,
     check: Rule | Fits | None = None,
     dimension: Literal[2, 3] = 3,
     called: str = "",
@@ -509,6 +625,9 @@ def shape(
         spread 1 and need not state it. None if it is not known. That is safe, but solids grown or blended from the
         shape then have no bounds.
     convex : True if the solid is convex for all parameters, or a function of the parameters.
+    radii : function of the parameters, for an exact field: a vec4, the radii of the cylinders about the lines through
+        the centre of the box along x, y and z, and of the ball about the centre, that contain the solid. None for those
+        that contain the box. The box of the solid after a rotation follows from them.
     check : function of the parameters that raises SceneError for combinations that are not legal.
     dimension : 3, or 2 for a shape to extrude or revolve.
     called : the name in messages, reprs and GLSL; by default that of the function.
@@ -524,11 +643,14 @@ def shape(
 def operator(
     *,
     bounds: Rule | None = None,
-    exactness: Exactness | Rule = "bound",
+    exactness: Exactness | Rule | None = None,
     lipschitz: float | Rule | None = None,
     symmetry: str | Rule = "",
     spread: float | Rule | None = None,
     convex: bool | Rule = False,
+    placing: Placing | Rule = "",
+    radii: Rule | None = None,
+    motion: Rule | None = None,
     check: Rule | Fits | None = None,
     dimension: Dimension = 3,
     child_dimension: Literal[2, 3] | None = None,
@@ -543,17 +665,26 @@ def operator(
         the box around all points where the child's field is at most h. Use it wherever the surface moves by a value of
         the field: `child.lower - h` is correct only if the field is a distance.
     exactness : exactness of the result for an exact child; the result is never better than the child. May be a function
-        of the child's facts and the parameters.
+        of the child's facts and the parameters. None is "exact" if the operator is placed, else "bound".
     lipschitz : Lipschitz constant of the result; None for that of the child.
     symmetry : "keep" for the child's, axes such as "xz", or a function.
     spread : as for `shape`, or a function of the child's facts and the parameters, often `child.spread`.
     convex : True if a convex child gives a convex solid, or a function of the child's facts and the parameters.
+    placing : "rigid" for an operator that gives `child(q)`, where q is p moved, turned or reflected. "scale" for
+        `factor * child(q)`, where q is that divided by the factor. Such an operator keeps what is known of its child:
+        closed forms of rays, rows of many equal objects, instances, convexity and spread.
+    radii : function of the child's facts (`within(margin)`) and the parameters: a list of pairs, a centre and the radii
+        about it as for `shape`. Each point of the solid lies within those of one pair.
+    motion : for a rotation, in place of `bounds`: function of the child's facts and the parameters that gives a
+        `raymarch.sdf.regions.Motion`.
     check : function of the child's facts and the parameters that raises SceneError.
     dimension, child_dimension : 2 or 3, of the result and of the child. With dimension="any" the child may be 3D or
         flat; for a flat child p, and parameters that are a vec3 (mat3) in 3D, become a vec2 (mat2).
     called : the name in messages, reprs and GLSL; by default that of the function.
     """
-    return _decorator("one", **locals())
+    given = locals()
+    placed = placing in ("rigid", "scale")
+    return _decorator("one", **given | {"exactness": exactness or ("exact" if placed else "bound")})
 
 
 def combination(
@@ -564,8 +695,10 @@ def combination(
     symmetry: str | Rule = "keep",
     spread: float | Rule | None = None,
     convex: bool | Rule = False,
+    radii: Rule | None = None,
     associative: bool = False,
     cuts: bool = False,
+    placing: Placing = "",
     dimension: Dimension = 3,
     child_dimension: Literal[2, 3] | None = None,
     called: str = "",
@@ -590,11 +723,65 @@ def around_y(radius: Any, low: Any, high: Any) -> tuple[Expr, Expr]:
     return vec3(-radius, low, -radius), vec3(radius, high, radius)
 
 
+def radii_about_y(radius: Any, half: Any, ball: Any = None) -> Expr:
+    """The radii of a solid of revolution about y, by its largest radius and half its height."""
+    corner = length(vec2(radius, half)) if ball is None else expr(ball)
+    return vec4(corner, radius, corner, corner)
+
+
 EVERYWHERE = (const([-np.inf] * 3), const([np.inf] * 3))
 """Bounds of an unbounded solid."""
 
 
 FLOOR = "floor"
+
+
+BOUND = "bound"
+
+
+def with_bound(value: Expr, bound: Expr) -> Expr:
+    """The value of a definition, and a field of the same solid that is marched in place of the divided value.
+
+    bound : no steeper than the steepest child. It is worth stating where it is larger than the divided value, such as
+        far from the surface.
+    """
+    return make("max", FLOAT, (value, bound), BOUND)
+
+
+SELECTS = ("neg", "abs", "min", "max", "where", "add", "sub")
+
+
+def is_homogeneous(body: Expr) -> bool:
+    """True if a definition's value is scaled by a factor where the distances of its children are scaled by it."""
+    degree: dict[Expr, int] = {}
+    for node in topological([body]):
+        of = [degree[arg] for arg in node.args]
+        known = {d for arg, d in zip(node.args, of, strict=True) if not _is_zero(arg)}
+        if node.op == "apply":
+            degree[node] = 1
+        elif 1 not in known:
+            degree[node] = 0
+        elif node.data is BOUND:
+            return False
+        elif node.data is FLOOR or (known == {1} and node.op in (*SELECTS, "lt", "le", "gt", "ge")):
+            degree[node] = 0 if node.type is BOOL else 1
+        elif (
+            (
+                node.op == "where"
+                and of[0] == 0
+                and all(d == 1 or _is_zero(arg) for arg, d in zip(node.args[1:], of[1:], strict=True))
+            )
+            or (node.op == "mul" and sum(of) == 1)
+            or (node.op == "div" and of == [1, 0])
+        ):
+            degree[node] = 1
+        else:
+            return False
+    return degree[body] == 1
+
+
+def _is_zero(value: Expr) -> bool:
+    return value.op == "const" and value.type is not BOOL and not np.any(value.data)
 
 
 def at_least(value: Expr, floor: Expr) -> Expr:

@@ -414,14 +414,18 @@ def elongate(p: Expr, child: Child, extent: Extent = (0.5, 0.0, 0.0)) -> Expr:
     symmetry="keep",
     spread=lambda child: child.spread,
     convex=lambda child: child.convex and child.exactness == "exact",
+    radii=lambda child, radius: child.within(radius),
     dimension="any",
+    placing="offset",
 )
 def round(p: Expr, child: Child, radius: NonNegative) -> Expr:
     """Grow by a radius on all sides; convex edges become round.
 
     radius : length, >= 0.
 
-    Exact for an exact, convex child. For a bound the surface moves by at least the radius.
+    Exact for an exact, convex child. Other surfaces move by the radius over the slope of their field, before it is
+    divided: by the radius for samples of distances, cuts and chamfers, by another one after a twist or an uneven scale.
+    `raymarch explain` prints by how much.
     """
     return child(p) - radius
 
@@ -431,14 +435,17 @@ def round(p: Expr, child: Child, radius: NonNegative) -> Expr:
     bounds=lambda child, thickness: child.grown(0.5 * thickness),
     symmetry="keep",
     spread=lambda child: child.spread,
+    radii=lambda child, thickness: child.within(0.5 * thickness),
     dimension="any",
+    placing="offset",
 )
 def shell(p: Expr, child: Child, thickness: Positive) -> Expr:
     """A shell about the surface, half of it outside.
 
     thickness : full thickness, a length > 0.
 
-    A bound: within the shell along an edge, the nearest surface is not along the normals of the edge.
+    A bound: within the shell along an edge, the nearest surface is not along the normals of the edge. The shell of a
+    field that is not exact is as thick as `round` says.
     """
     return abs(child(p)) - 0.5 * thickness
 
@@ -470,6 +477,6 @@ def offset(p: Expr, child: Child, distance: Length = 0.1) -> Expr:
 
     distance : length. It must exceed minus half the smallest extent, at which nothing is left.
 
-    Exact if an exact, convex child grows, else a bound.
+    Exact if an exact, convex child grows, else a bound. See `round` for fields that are not exact.
     """
     return child(p) - distance

@@ -31,6 +31,14 @@ class Facts:
     spread : a point with field value m > 0 lies in the box grown by `spread` * m on each side. 1 if exact. A bound may
         rise more slowly; an offset then moves its surface farther.
     convex : True if the solid is known to be convex.
+    undivided, undivided_spread : Lipschitz constant and spread of the field as it is written: with no division, of the
+        node or below it. Operators that compare or add distances, such as blends, offsets and shells, act on it.
+    radii : shape (4,): of the cylinders about the lines through the centre of the box along x, y and z, and of the ball
+        about the centre, that contain the solid; None for those that contain the box.
+    swell, undivided_swell : a point with field value m > 0 lies in these cylinders and this ball with radii larger by
+        `swell` * m; the same for the undivided field.
+    far : a distance from the origin within which the solid lies, with the same swell, where one is known.
+    placed : the solid at the end of a chain of rigid motions by constants; None without one.
     """
 
     exactness: Exactness
@@ -41,11 +49,33 @@ class Facts:
     divisor: float = 1.0
     spread: float = float("inf")
     convex: bool = False
+    undivided: float = 1.0
+    undivided_spread: float = float("inf")
+    radii: NDArray[np.float64] | None = None
+    swell: float = float("inf")
+    undivided_swell: float = float("inf")
+    placed: Placed | None = None
+    far: float = float("inf")
+
+    @property
+    def farthest(self) -> float:
+        """A distance from the origin within which the solid lies."""
+        return float(np.fmin(self.far, np.linalg.norm(0.5 * (self.lower + self.upper)) + self.reach[3]))
+
+    @property
+    def reach(self) -> NDArray[np.float64]:
+        """The radii; those of the box if none are known."""
+        return radial(0.5 * self.size) if self.radii is None else self.radii
 
     @property
     def bounded(self) -> bool:
         """True if the box is finite on every side."""
         return bool(np.isfinite(self.lower).all() and np.isfinite(self.upper).all())
+
+    @property
+    def divided(self) -> bool:
+        """True if the field is divided, at the node or below it."""
+        return self.undivided != self.lipschitz
 
     @property
     def empty(self) -> bool:
@@ -56,6 +86,21 @@ class Facts:
     def size(self) -> NDArray[Any]:
         """Edges of the box."""
         return self.upper - self.lower
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Placed:
+    """A solid of these facts, moved by x -> linear x + offset: a rotation times one factor, and a translation."""
+
+    facts: Facts
+    linear: NDArray[np.float64]
+    offset: NDArray[np.float64]
+
+
+def radial(v: NDArray[Any]) -> NDArray[np.float64]:
+    """Distances of points, (..., 2) or (..., 3), from the x, y and z axes and from the origin, (..., 4)."""
+    x, y, z = v[..., 0], v[..., 1], v[..., 2] if v.shape[-1] > 2 else np.zeros(v.shape[:-1])
+    return np.stack([np.hypot(y, z), np.hypot(x, z), np.hypot(x, y), np.hypot(np.hypot(x, y), z)], axis=-1)
 
 
 def worst(*levels: Exactness) -> Exactness:

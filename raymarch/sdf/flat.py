@@ -24,7 +24,7 @@ from raymarch.expr.function import function, loop
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.tables import Table, fetch
 from raymarch.expr.types import VEC2
-from raymarch.expr.vocabulary import clamp, dot, length, max, min, normalize, sqrt, vec2, where
+from raymarch.expr.vocabulary import clamp, dot, length, max, min, normalize, sqrt, vec2, vec4, where
 from raymarch.sdf.definition import cube, shape
 from raymarch.sdf.domain import Domain, Fits, NonNegative, Points2, Positive, Size2, Vec2, require, shown
 from raymarch.sdf.facts import FARTHEST
@@ -36,7 +36,14 @@ Sides = Annotated[int, Domain(None, low=3, high=65535, unit="count")]
 Points = tuple[tuple[float, float], ...]
 
 
-@shape(exactness="exact", bounds=lambda radius: cube(vec2(radius)), symmetry="xy", convex=True, dimension=2)
+@shape(
+    exactness="exact",
+    bounds=lambda radius: cube(vec2(radius)),
+    symmetry="xy",
+    convex=True,
+    radii=lambda radius: vec4(radius),
+    dimension=2,
+)
 def circle(p: Expr, radius: Positive = 1.0) -> Expr:
     """Filled circle about the origin.
 

@@ -15,12 +15,13 @@ from raymarch.expr.convert import holdable, numbers, short
 from raymarch.expr.node import Expr, const, var
 from raymarch.expr.types import FLOAT, MAT3, VEC3
 from raymarch.expr.walk import find
-from raymarch.sdf.definition import shape
+from raymarch.sdf.definition import divisor_of, shape, with_bound
 from raymarch.sdf.domain import Domain
 from raymarch.sdf.labels import relabelled
 from raymarch.sdf.lower import lower
 from raymarch.sdf.node import Node, solid
 from raymarch.sdf.placing import affine, material, refuse_label, translate
+from raymarch.sdf.regions import Turned
 from raymarch.sdf.rows import Form, Rows, Slot
 from raymarch.sdf.solids import sphere
 from raymarch.sdf.visibility import hiding_nodes
@@ -156,6 +157,11 @@ def rows_from(node: Node, transforms: ArrayLike, materials: Any) -> Rows:
         values = (inverse, offsets, factors)
         params = {"linear": const(np.eye(3)), "inverse": leaves[0], "offset": offset, "stretch": leaves[2]}
         centre, reach = linear @ middle + offsets, np.abs(linear) @ half
+        if facts.exactness == "exact":
+            turned = Turned([facts] * n)
+            turned.move(linear, offsets)
+            (least, most), _ = turned.here((centre - reach, centre + reach))
+            centre, reach = 0.5 * (least + most), 0.5 * (most - least)
         wider = np.abs(linear).sum(axis=2).max(axis=1) / factors
         spread = np.full(n, 1.0) if facts.exactness == "exact" else facts.spread * wider
     template = Node(placed.definition, (node,), params, placed.facts)
@@ -175,6 +181,7 @@ def rows_from(node: Node, transforms: ArrayLike, materials: Any) -> Rows:
         spread,
         np.full(n, facts.lipschitz),
         facts.exactness == "exact",
+        divisor_of(node) or 1.0,
     )
     return Rows((form,), palette, given=(node, np.asarray(transforms, np.float64), materials))
 
@@ -185,13 +192,14 @@ SOME = rows_from(sphere(0.4), [(-0.6, 0.0, 0.0), (0.6, 0.0, 0.0), (0.0, 0.8, 0.0
 @shape(
     exactness=lambda rows: "exact" if len(rows) == 1 and rows.forms[0].exact else "bound",
     bounds=lambda rows: (const(rows.lower), const(rows.upper)),
-    lipschitz=lambda rows: max(float(form.lipschitz.max()) for form in rows.forms),
+    lipschitz=lambda rows: rows.divisor * max(float(form.lipschitz.max()) for form in rows.forms),
     spread=lambda rows: max(float(form.spread.max()) for form in rows.forms),
     called="instances",
 )
 def instanced(p: Expr, rows: Annotated[Any, Domain(None, holds=Rows)] = SOME) -> Expr:
     """Many objects, as rows of numbers."""
-    return rows.field(p)
+    distance = rows.field(p)
+    return distance if rows.divisor == 1.0 else with_bound(distance * rows.divisor, distance)
 
 
 def moved(rows: Rows, by: Array) -> Rows:

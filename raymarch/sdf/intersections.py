@@ -8,18 +8,21 @@ misses it. Distances before the origin are negative; those beyond `FARTHEST` are
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
 
+from raymarch.expr.derivative import directional_derivatives
 from raymarch.expr.function import Function, function
-from raymarch.expr.node import Expr, Operand
+from raymarch.expr.node import Expr, Operand, const
 from raymarch.expr.types import FLOAT, VEC2, VEC3
-from raymarch.expr.vocabulary import abs, dot, length, max, min, sqrt, transpose, vec2, where
+from raymarch.expr.vocabulary import abs, clamp, dot, length, max, min, sqrt, vec2, where
+from raymarch.expr.walk import substitute
 from raymarch.sdf.definition import Definition, definition_of
 from raymarch.sdf.facts import FARTHEST
 from raymarch.sdf.node import Node
-from raymarch.sdf.placing import affine, rotate_about, rotation_matrix, scale_evenly, translate
+from raymarch.sdf.placing import affine, scale_evenly
 from raymarch.sdf.rounds import cone, ellipsoid
 from raymarch.sdf.solids import box, capsule, cylinder, plane, sphere
 from raymarch.sdf.visibility import visible
@@ -139,30 +142,36 @@ def ray_capsule(o: Expr, d: Expr, a: Expr, b: Expr, radius: Expr) -> Expr:
 def ray_cone(o: Expr, d: Expr, radius: Expr, height: Expr, top: Expr) -> Expr:
     """The part of a line in a cone or frustum about y.
 
-    The line is measured from its point closest to the centre, so that all numbers are of the solid's size. On the line,
-    the square of the cone's radius minus the square of the distance from the axis is a quadratic, positive inside. The
-    other nappe of the cone is cut off by the ends of the frustum.
+    The line is measured from its point closest to the axis between the planes of the ends, so that all numbers are of
+    the solid's size. On the line, the square of the cone's radius minus the square of the distance from the axis is a
+    quadratic, positive inside. The other nappe of the cone is cut off by the ends of the frustum. Its discriminant is
+    the difference of two squares: with the point p and the radius there, both change along the line by d and `rate`,
+    |rate p - width d|^2 - |p x d|^2, and neither depends on the point.
     """
-    nearest = -dot(o, d)
-    p = o + nearest * d
+    half, heading = 0.5 * height, d.xz
+    across = length(heading)
+    ends = ray_slab(o.y, d.y, -half, half)
+    nearest = clamp(-dot(o.xz, heading) / max(across * across, TINY), ends.x, ends.y)
+    up, q = clamp(o.y + nearest * d.y, -half, half), o.xz + nearest * heading
     slope = (top - radius) / height
-    width, rate = 0.5 * (radius + top) + slope * p.y, slope * d.y  # the radius at the height of the point
-    across, along = length(d.xz), dot(p.xz, d.xz)
-    away = length(p.xz)
+    width, rate = 0.5 * (radius + top) + slope * up, slope * d.y
+    away = length(q)
+    turn, lean = length(rate * q - width * heading), abs(q.x * heading.y - q.y * heading.x)
     a = nonzero((rate - across) * (rate + across))
-    half_b = width * rate - along
-    c = (width - away) * (width + away)
-    discriminant = half_b * half_b - a * c
-    h = sqrt(max(discriminant, 0.0))
-    q = where(half_b < 0.0, h - half_b, -h - half_b)
-    one, other = q / a, c / nonzero(q)
+    half_b = width * rate - dot(q, heading)
+    h = sqrt(max((turn - lean) * (turn + lean), 0.0))
+    larger = where(half_b < 0.0, h - half_b, -h - half_b)
+    one, other = larger / a, (width - away) * (width + away) / nonzero(larger)
     first, last = min(one, other), max(one, other)
     steep = where(rate > 0.0, vec2(last, FARTHEST), vec2(-FARTHEST, first))  # through both nappes
-    between = where(discriminant < 0.0, vec2(*MISS), vec2(first, last))
+    between = where(turn < lean, vec2(*MISS), vec2(first, last))
     side = where(a > 0.0, steep, between)
     straight = across + abs(rate) < TINY  # along the wall of a cylinder
     side = where(straight, where(away > width, vec2(*MISS), vec2(-FARTHEST, FARTHEST)), side)
-    return overlap(side, ray_slab(p.y, d.y, -0.5 * height, 0.5 * height)) + nearest
+    found = overlap(side, ray_slab(up, d.y, -half, half))
+    beside = (abs(d.y) < TINY) & (abs(o.y) > half)
+    # a part may be shorter than an ulp of the sum
+    return where((found.x > found.y) | beside, vec2(*MISS), found + nearest)
 
 
 @function(o=VEC3, d=VEC3, size=VEC3)
@@ -202,8 +211,8 @@ def has_closed_form(node: Node) -> bool:
 
 
 def is_placed(node: Node) -> bool:
-    """True if a node is a rigid transform or a scaling by one factor of its child."""
-    return node.definition in _PLACED and (node.definition is not _AFFINE or _keeps_shapes(node))
+    """True if a node is a rigid transform or a scaling by one factor of its child, or its child for some rays."""
+    return node.placed_as in ("rigid", "scale") or node.definition is definition_of(visible)
 
 
 def interval_of_ray(node: Node, o: Expr, d: Expr) -> Expr:
@@ -212,9 +221,9 @@ def interval_of_ray(node: Node, o: Expr, d: Expr) -> Expr:
     o : origin of the ray. d : its direction, of length 1.
     """
     factors: list[Operand] = []
-    while node.definition in _PLACED or node.label is not None:
-        if node.label is None:
-            o, d, factor = _PLACED[node.definition](o, d, node.params)
+    while is_placed(node) or node.label is not None:
+        if node.label is None and node.definition is not definition_of(visible):
+            o, d, factor = _PLACED.get(node.definition, partial(_placed, node))(o, d, node.params)
             factors += [] if factor is None else [factor]
         node = node.children[0]
     found: Expr = _SHAPES[node.definition](o, d, *node.params.values())
@@ -227,9 +236,12 @@ _Moved: TypeAlias = tuple[Expr, Expr, Operand | None]
 """A ray in the space of a child, and the length of a unit of that space; None is 1."""
 
 
-def _rotated(o: Expr, d: Expr, params: Mapping[str, Expr]) -> _Moved:
-    inverse = transpose(rotation_matrix(params["axis"], params["angle"]))
-    return inverse @ o, inverse @ d, None
+def _placed(node: Node, o: Expr, d: Expr, params: Mapping[str, Expr]) -> _Moved:
+    """The point at which the child is evaluated is linear in the point: directions change by its derivative."""
+    point, child, factor = node.definition.placement(params)
+    (start,) = substitute([child], {point: o})
+    (along,) = substitute(directional_derivatives(child, point, [d]), {point: const(np.zeros(point.type.size))})
+    return start, along if factor is None else along * factor, factor
 
 
 def _mapped(o: Expr, d: Expr, params: Mapping[str, Expr]) -> _Moved:
@@ -238,17 +250,7 @@ def _mapped(o: Expr, d: Expr, params: Mapping[str, Expr]) -> _Moved:
 
 
 _PLACED: dict[Definition, Callable[[Expr, Expr, Mapping[str, Expr]], _Moved]] = {
-    definition_of(translate): lambda o, d, params: (o - params["offset"], d, None),
-    definition_of(rotate_about): _rotated,
     definition_of(scale_evenly): lambda o, d, params: (o / params["factor"], d, params["factor"]),
     definition_of(affine): _mapped,
-    definition_of(visible): lambda o, d, _params: (o, d, None),
 }
-
-_AFFINE = definition_of(affine)
-
-
-def _keeps_shapes(node: Node) -> bool:
-    """True if an affine map is a rotation or reflection times one factor."""
-    values = np.linalg.svd(node.params["linear"].data, compute_uv=False)
-    return bool(values[0] - values[-1] <= 1e-12 * values[0])
+"""Those whose direction is the same or one product."""

@@ -20,6 +20,7 @@ from raymarch.sdf.booleans import balanced, first, hull, spread_of_first, widest
 from raymarch.sdf.definition import EVERYWHERE, Child, ChildFacts, combination, operator
 from raymarch.sdf.domain import Fraction, Positive, Scalar, Vec3, Vector, as_operand
 from raymarch.sdf.facts import Facts
+from raymarch.sdf.lower import evaluate_undivided
 from raymarch.sdf.lower import lower as lower_field
 from raymarch.sdf.node import Node, called_by_nodes, method
 from raymarch.sdf.placing import unmoved
@@ -191,18 +192,20 @@ POINTS = 2**14
 def largest_difference(a: Node, b: Node) -> float:
     """A bound of |b - a| where a and b differ in sign. Elsewhere a mix of both has their sign, whatever the difference.
 
-    Both are 1-Lipschitz and no larger than the distance to the surface. A ball in one solid and the nearest point of
-    the other lie in the box of both, so its diagonal is a bound. Values on a grid, if available, give a tighter one.
+    Undivided, both are no larger than the distance to the surface times their Lipschitz constant. A ball in one solid
+    and the nearest point of the other lie in the box of both, so its diagonal, times the larger constant, is a bound.
+    Values on a grid, if available, give a tighter one.
     """
     lower, upper = np.minimum(a.bounds[0], b.bounds[0]), np.maximum(a.bounds[1], b.bounds[1])
-    diagonal = float(np.linalg.norm(upper - lower)) or 1.0
+    steepest = float(np.maximum(a.facts.undivided, b.facts.undivided))
+    diagonal = steepest * (float(np.linalg.norm(upper - lower)) or 1.0)
     edge = round(POINTS ** (1.0 / len(lower)))
     steps = [np.linspace(low, high, edge) for low, high in zip(lower, upper, strict=True)]
     points = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, len(lower))
     try:
         if find([lower_field(node).body for node in (a, b)], "param", "time"):
             return diagonal
-        da, db = a.distance(points), b.distance(points)
+        da, db = (evaluate_undivided(node, points) for node in (a, b))
     except SceneError:  # it depends on the index of a cell, or is GLSL without a twin
         return diagonal
     spacing = 0.5 * diagonal / (edge - 1)  # from any point of the box to the nearest of the grid

@@ -8,6 +8,7 @@ is sampled on a grid and interpolated.
 from __future__ import annotations
 
 import functools
+import hashlib
 import os
 import shutil
 import subprocess
@@ -22,15 +23,16 @@ from PIL import Image
 
 from raymarch.errors import SceneError
 from raymarch.expr.calls import checked
-from raymarch.expr.convert import described, file_path, input_file, integer, numbers, optional, switch
+from raymarch.expr.convert import described, file_path, input_file, integer, numbers, optional, places_of, switch
+from raymarch.expr.images import opened
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import clamp, length, max, min, vec2
+from raymarch.files import reading
 from raymarch.sdf.definition import cube, shape
 from raymarch.sdf.domain import Data, Domain, Positive, Scalar
 from raymarch.sdf.node import Node
-from raymarch.sdf.sampled import opened
 
 if TYPE_CHECKING:
     from PIL.ImageFont import FreeTypeFont as Font
@@ -41,6 +43,8 @@ Array = NDArray[np.float64]
 
 PIXELS = 2
 """Pixels of a picture for each sample along an axis."""
+LARGEST = 8192
+"""Maximum number of pixels of a picture along an edge."""
 MARGIN = 4
 """Samples around the outline's box."""
 
@@ -251,7 +255,13 @@ def text(
         raise SceneError(f"text: string = {described(string)}", legal="a string")
     full, resolution = _checked("text", height, resolution)
     file = optional(file_path, "text: font", font, "a TrueType or OpenType file, or a name that the system knows")
-    return _standing(_written(unicodedata.normalize("NFC", str(string)), file, resolution), full)
+    letters = unicodedata.normalize("NFC", str(string))
+    found = None if file is None else next(filter(os.path.isfile, places_of(file)), None)
+    if found is None:
+        return _standing(_written(letters, file, "", resolution), full)
+    with reading("text: font", found, "a TrueType or OpenType file"):  # also while letters are drawn
+        content = hashlib.sha256(Path(found).read_bytes()).hexdigest()
+        return _standing(_written(letters, found, content, resolution), full)
 
 
 def _shown(string: str) -> str:
@@ -273,7 +283,7 @@ def _font(file: str | None, size: float) -> Font:
 @functools.lru_cache(maxsize=64)
 def _file_of(font: str) -> str:
     """The file of an installed font family, by fontconfig or matplotlib; else the name itself."""
-    if Path(font).suffix or Path(font).exists():
+    if Path(font).suffix or Path(font).exists():  # Pillow finds files of the system by their names
         return font
     if fontconfig := shutil.which("fc-match"):
         found = subprocess.run([fontconfig, "-f", "%{family}\n%{file}", font], capture_output=True, text=True)
@@ -349,25 +359,32 @@ def _has(file: str, letters: Iterable[str]) -> bool:
 
 
 @functools.lru_cache(maxsize=64)
-def _written(string: str, file: str | None, resolution: int) -> Samples:
+def _written(string: str, file: str | None, content: str, resolution: int) -> Samples:
+    """The letters. content : a hash of the file of the user's own font, which may change under its name."""
     from PIL import ImageDraw
 
+    named = f"text: {_shown(string)}" + (f" in the font '{file}'" if file is not None else "")
     file = _able(string, file)
     draw = ImageDraw.Draw(Image.new("L", (1, 1)))
     trial = 100.0
     left, top, right, bottom = draw.multiline_textbbox((0, 0), string, font=_font(file, trial), align="center")
     if right <= left or bottom <= top:
-        raise SceneError(f"text: {_shown(string)} shows nothing", legal="letters that the font has")
+        raise SceneError(f"{named} shows nothing", legal="letters that the font has")
     widest = (2048 - 2 * MARGIN - 4) * (bottom - top) / (right - left)
     samples = float(np.minimum(resolution, widest))
     if samples < 8:
         wide = (right - left) / (bottom - top)
-        raise SceneError(f"text: {_shown(string)} is {wide:.0f} times as wide as high", legal="250 times or less")
-    font = _font(file, trial * PIXELS * samples / (bottom - top))
+        raise SceneError(f"{named} is {wide:.0f} times as wide as high", legal="250 times or less")
+    size = trial * PIXELS * samples / (bottom - top)
+    if size < 1.0:  # the least of FreeType
+        lines = 1 + string.count("\n")
+        what = f"{named} has {lines:,} lines in {samples:.0f} samples"
+        raise SceneError(what, legal="half a sample or more for each line: fewer lines, or resolution= up to 512")
+    font = _font(file, size)
     left, top, right, bottom = draw.multiline_textbbox((0, 0), string, font=font, align="center")
     page = Image.new("L", (int(right - left) + 8, int(bottom - top) + 8))
     ImageDraw.Draw(page).multiline_text((4 - left, 4 - top), string, fill=255, font=font, align="center")
-    return _distances(np.asarray(page, np.float64) / 255.0, f"text: {_shown(string)}")
+    return _distances(np.asarray(page, np.float64) / 255.0, named)
 
 
 # Masks
@@ -381,8 +398,9 @@ def image(
 
     Parameters
     ----------
-    source : an image file, whose alpha channel is used if it has one, else the luminance; or an array of coverage,
-        shape (rows, columns), row 0 at the top: bool, 0 to 255 for integers, else 0 to 1.
+    source : an image file of up to 8192 pixels along an edge, whose alpha channel is used if it has one, else the
+        luminance; or an array of coverage, shape (rows, columns), row 0 at the top: bool, 0 to 255 for integers, else 0
+        to 1.
     height : full height of the shape, from the lowest covered point to the highest, a length > 0.
     invert : use the transparent or dark pixels instead.
     resolution : samples along the longer side of the picture, 8 to 512, but no more than it has pixels.
@@ -402,15 +420,15 @@ def image(
     return _standing(_distances(resized, "image: the picture"), full)
 
 
-def _coverage(source: str | os.PathLike[str] | ArrayLike) -> Array:
+def _coverage(source: str | os.PathLike[str] | ArrayLike) -> NDArray[Any]:
     """How far each pixel is covered, from 0 to 1."""
     if isinstance(source, str | os.PathLike):
         source = input_file("image: source", source, "an image file")
-        with opened(source, "image") as picture:
+        with opened("image", source, LARGEST) as picture:
             if "A" in picture.getbands() or "transparency" in picture.info:
-                return np.asarray(picture.convert("RGBA").getchannel("A"), np.float64) / 255.0
-            deep = 65535.0 if "16" in picture.mode else 255.0
-            return np.asarray(picture.convert("F"), np.float64) / deep
+                return np.asarray(picture.convert("RGBA").getchannel("A"), np.float32) / np.float32(255.0)
+            deep = np.float32(65535.0 if "16" in picture.mode else 255.0)
+            return np.asarray(picture.convert("F"), np.float32) / deep
     legal = "an image file, or an array (rows, columns) of numbers"
     numbers("image: source", source, legal)
     array = np.asarray(source)

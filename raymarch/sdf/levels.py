@@ -1,8 +1,10 @@
-"""Where the surface of a field is: whether it is where the field is 0, and how far it may be from a small value."""
+"""Where the surface of a field is: whether it is where the field is 0, how far it may be from a small value, and how
+steep the field is there."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from functools import lru_cache
 
 import numpy as np
@@ -12,6 +14,7 @@ from raymarch.errors import SceneError
 from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.samples import Samples
+from raymarch.sdf.lower import evaluate_both
 from raymarch.sdf.node import Node, all_nodes
 
 PROBES = 4096
@@ -38,8 +41,8 @@ def _of_samples(node: Node) -> float:
     outside = values > 0.0
     if outside.all() or not outside.any():
         return 1.0
-    distance = _along_axes(values, cell)
-    return float(np.max(distance[outside] / np.maximum(values[outside], SMALLEST))) * node.facts.divisor
+    flattest = np.max(_along_axes(values, cell)[outside] / np.maximum(values[outside], SMALLEST))
+    return float(flattest) * math.sqrt(node.facts.undivided**2 - 1.0)  # as the samples are divided
 
 
 def _along_axes(values: NDArray[np.float64], cell: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -58,6 +61,91 @@ def _along_axes(values: NDArray[np.float64], cell: NDArray[np.float64]) -> NDArr
             ahead = at if way == np.s_[:] else -at
             distance[way] = np.minimum.accumulate((distance - ahead)[way], axis=0) + ahead[way]
     return found
+
+
+@lru_cache(maxsize=64)
+def slopes_at_surface(node: Node) -> tuple[float, float] | None:
+    """The least and the largest slope of the undivided field on the surface, but for 1 % each; None if not known.
+
+    They are those at points of the box that are moved to the surface along the gradient. An offset by d moves the
+    surface by d over the slope there.
+    """
+    lower, upper = node.bounds
+    size = float(np.linalg.norm(upper - lower))
+    if node.facts.empty or not 0.0 < size < np.inf:
+        return None
+    points = np.random.default_rng(0).uniform(lower - 0.05 * size, upper + 0.05 * size, (PROBES // 4, len(lower)))
+    try:
+        for _ in range(12):
+            value, gradient = evaluate_both(node, points)
+            square = np.maximum((gradient * gradient).sum(axis=1), 1e-12)
+            points = points - gradient * (value / square)[:, None]
+    except SceneError:  # GLSL without a NumPy function
+        return None
+    value, gradient = evaluate_both(node, points)
+    slopes = np.linalg.norm(gradient, axis=1)[(np.abs(value) <= 1e-6 * size) & np.isfinite(points).all(axis=1)]
+    if len(slopes) < 16:
+        return None
+    low, high = np.quantile(slopes, (0.01, 0.99))
+    return float(low), float(high)
+
+
+MOVES = ("round", "offset", "shell")
+"""Operators that move a surface by a length."""
+
+MEASURED = 16
+"""Maximum number of such nodes of a tree whose operands are measured."""
+
+FIRST_ORDER = 0.05
+"""Relative error of a length below which a picture has no doubt."""
+
+
+def moved_otherwise(root: Node, doubted: bool = False) -> Iterator[str]:
+    """A sentence for each node that moves the surface of a field that is not exact, with the distance by which it does.
+
+    doubted : True for those only that move a part of the surface by another distance than the user asked for.
+    """
+    moving = [node for node in all_nodes(root) if node.name in MOVES and node.children[0].exactness != "exact"]
+    for node in moving[:MEASURED]:
+        (child,), place = node.children, f" at {node.where}" if node.where else ""
+        what = f"{node.name}{place} acts on a {child.exactness} field ({child.name})"
+        slopes = slopes_at_surface(child)
+        if slopes is None:
+            if not doubted:
+                yield f"{what}, so the surface may move by another distance than the one asked for"
+            continue
+        low, high = 1.0 / slopes[1], 1.0 / max(slopes[0], 1e-9)
+        if high - 1.0 > FIRST_ORDER or 1.0 - low > FIRST_ORDER:
+            cure = f"{node.name} before what deforms or blends the solid"
+            yield f"{what}: the surface moves by {low:.3g} to {high:.3g} times the distance asked for ({cure})"
+        elif not doubted:
+            yield f"{what}: the surface moves by the distance asked for, and by more at edges that were cut"
+
+
+STRETCHING = ("scale_axes", "affine", "sheared", "twist_about_y", "bend_about_z", "taper_along_y")
+"""Operators that stretch space in one direction more than in another."""
+
+SHORT = 0.9
+"""Slope of a field below which effects that read it as a distance have a doubt."""
+
+
+def read_short(root: Node) -> Iterator[str]:
+    """A sentence for each node whose field, read as a distance, is too short near a part of its surface."""
+    stretched = [node for node in all_nodes(root) if node.definition.name in STRETCHING and node.exactness != "exact"]
+    for node in stretched[:MEASURED]:
+        slopes = slopes_at_surface(node)
+        if slopes is not None and slopes[0] < SHORT:
+            place = f" at {node.where}" if node.where else ""
+            yield f"{node.name}{place}: near its surface distances are read as {slopes[0]:.2g} times as long, at least"
+
+
+def may_touch(root: Node) -> bool:
+    """True if the field may fall to 0 where there is no surface, because a node of a tree cuts: a face of the solid
+    may be flush with one of the solid that cuts it. False if some shape has no inside, as a `disc` of thickness 0: it
+    is drawn where the field is 0."""
+    nodes = all_nodes(root)
+    shapes = [node.facts for node in nodes if not node.children and not node.facts.empty]
+    return any(n.definition.cuts for n in nodes) and not any(np.any(f.lower >= f.upper) for f in shapes)
 
 
 def has_levels(root: Node) -> bool:

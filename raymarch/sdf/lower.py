@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import reduce
 from itertools import cycle
 from typing import Any, Protocol, TypeAlias
 
@@ -15,25 +16,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import Location, SceneError
-from raymarch.expr.arrays import evaluator_of
+from raymarch.expr.arrays import evaluator_of, value_of
 from raymarch.expr.derivative import ONE, companion, directional_derivatives
 from raymarch.expr.faults import Passage
 from raymarch.expr.function import Function, sum_of
 from raymarch.expr.glsl import print_functions
-from raymarch.expr.node import Expr, construct, make, var
-from raymarch.expr.types import FLOAT, VEC3, vector
+from raymarch.expr.node import Expr, const, construct, make, var
+from raymarch.expr.types import FLOAT, MAT3, VEC3, vector
 from raymarch.expr.vocabulary import clamp, cross, dot, length, max, min, normalize, stop_gradient, where
 from raymarch.expr.walk import find, free_variables, rebuild, rewrite, run, substitute, topological
 from raymarch.sdf.booleans import balanced
-from raymarch.sdf.definition import FLOOR
+from raymarch.sdf.definition import BOUND, FLOOR
 from raymarch.sdf.facts import FARTHEST
 from raymarch.sdf.labels import cutting, flattened, rows_of
 from raymarch.sdf.node import Node, called_by_nodes
-from raymarch.sdf.variables import assignment_of
+from raymarch.sdf.placing import rotation_matrix
 from raymarch.sdf.visibility import RAY_KIND, shown
 from raymarch.sdf.weights import distance_scale
 
-Request: TypeAlias = tuple[Node, Expr, Any]
+Request: TypeAlias = tuple[Node, Expr, Any, bool]
+"""A node, a point, a label, and whether the undivided field is asked for; see `Facts.undivided`."""
 Work: TypeAlias = Generator[Request, Expr, Expr]
 
 
@@ -185,6 +187,15 @@ class BoundedParts:
         return [value for mark in marks if not isinstance(mark.data, Group) for value in mark.data.expressions]
 
 
+def _turned(node: Node) -> tuple[NDArray[np.float64], Node] | None:
+    """The product of a chain of three or more rotations by constants, and the node below. Two cost no more than it."""
+    matrices = []
+    while node.definition.name == "rotate_about" and all(value.is_constant for value in node.params.values()):
+        matrices.append(np.asarray(value_of(rotation_matrix(*(node.params[n] for n in ("axis", "angle")))), np.float64))
+        node = node.children[0]
+    return (reduce(np.matmul, matrices), node) if len(matrices) > 2 else None
+
+
 @dataclass(slots=True)
 class Lowering:
     """One pass over a tree of nodes.
@@ -209,7 +220,6 @@ class Lowering:
     _numbers: dict[int, int] = field(default_factory=dict)
     names: dict[Expr, str] = field(default_factory=dict)
     _sites: dict[Any, int] = field(default_factory=dict)
-    _inner: set[int] = field(default_factory=set)
     _done: dict[tuple[int, Expr, Any], Expr] = field(default_factory=dict)
     _functions: dict[Any, tuple[Function, list[Expr]]] = field(default_factory=dict)
     _grouping: bool = False
@@ -221,14 +231,16 @@ class Lowering:
 
     def again(self) -> Lowering:
         """Another pass over the same nodes, which shares the origins, shapes and functions of this one."""
-        return replace(self, _sites={}, _inner=set(), _done={}, _grouping=False, _groups={})
+        return replace(self, _sites={}, _done={}, _grouping=False, _groups={})
 
     def for_camera(self) -> Lowering:
         """Another pass over the same objects, for camera rays."""
         return Lowering(self.origins, divisors=self.divisors, objects=self.objects)
 
-    def field(self, root: Node, name: str = "field", label: Any = UNMARKED, groups: bool = False) -> Function:
-        """The function of the root: `float name(vec3 p)`, 1-Lipschitz unless it is an estimate.
+    def field(
+        self, root: Node, name: str = "field", label: Any = UNMARKED, groups: bool = False, undivided: bool = False
+    ) -> Function:
+        """The function of the root: `float name(vec3 p)`, 1-Lipschitz unless it is an estimate or `undivided`.
 
         With the label `PARTS`, the distance of each shape is wrapped in a `mark` with the point in the shape's object
         space. A solid made of flat shapes counts as one shape.
@@ -243,7 +255,8 @@ class Lowering:
         self._grouping = groups
         p = var("p", vector(root.dimension))
         q = self._handed(p, None, root)
-        request = root, q, label if label is UNMARKED or label is PARTS else (label, q)
+        given = label if label is UNMARKED or label is PARTS else (label, q)
+        request: Request = root, q, given, undivided and root.facts.divided
         body = run(request, lambda each: self._noted(*each), lambda each: (id(each[0]), *each[1:]), self._done)
         body = self._probed(body, q, root, None)
         if find([body], "cell"):
@@ -257,14 +270,10 @@ class Lowering:
         pending, seen = [root], {self._key(root)}
         while pending:
             node = pending.pop()
-            around = assignment_of(node)
             evaluations = [1] * len(node.children) if node.definition.arity == "many" else _evaluations(node)
-            for given, times in zip(node.children, evaluations, strict=True):
-                child = _unlabelled(given)
+            for child, times in zip(map(_unlabelled, node.children), evaluations, strict=True):
                 key = self._key(child)
                 self._sites[key] = self._sites.get(key, 0) + times
-                if around is not None and assignment_of(child) == around:
-                    self._inner |= {id(given), id(child)}
                 if key not in seen:
                     seen.add(key)
                     pending.append(child)
@@ -273,74 +282,73 @@ class Lowering:
         """Equal nodes are one function, except where each node has its own probe."""
         return node if self.sites is None else id(node)
 
-    def variable_of(self, node: Node) -> str | None:
-        """The user's variable that a node is assigned to."""
-        if node.variable is not None:
-            return node.variable
-        assigned = assignment_of(node)
-        return assigned.name if assigned is not None and id(node) not in self._inner else None
-
-    def _noted(self, node: Node, point: Expr, label: Any) -> Work:
-        """As `_lower`; the user's name and line of the expression are recorded."""
-        value = yield from self._lower(node, point, label)
-        if label is UNMARKED and (name := self.variable_of(node)) is not None:
-            self.names.setdefault(value, name)
+    def _noted(self, node: Node, point: Expr, label: Any, undivided: bool) -> Work:
+        """As `_lower`; the name of the definition and the user's line of the expression are recorded."""
+        value = yield from self._lower(node, point, label, undivided)
+        if label is UNMARKED and node.label is None:
+            self.names.setdefault(value, node.name)
         if node.where is not None:
             self.origins.setdefault(value, node.where)
         return value
 
-    def _lower(self, node: Node, point: Expr, label: Any) -> Work:
+    def _lower(self, node: Node, point: Expr, label: Any, undivided: bool) -> Work:
         marking = label is not UNMARKED
         if label is PARTS and node.label is None and all(child.dimension != 3 for child in node.children):
-            distance = yield from self._ask(node, point, UNMARKED)
+            distance = yield from self._ask(node, point, UNMARKED, undivided)
             return make("mark", FLOAT, (distance, point), PARTS)
         if marking and label is not PARTS and not node.labelled:
-            distance = yield from self._ask(node, point, UNMARKED)
+            distance = yield from self._ask(node, point, UNMARKED, undivided)
             material, at = label
             return make("mark", FLOAT, (distance, at, *cells_of(material)), material)
         if node.label is not None:
             inner = (node.label, point) if marking and label is not PARTS else label
-            return (yield from self._ask(node.children[0], point, inner))
+            return (yield from self._ask(node.children[0], point, inner, undivided))
+        if self.sites is None and (turned := _turned(node)) is not None:
+            matrix, inner = turned
+            return (yield from self._ask(inner, const(matrix.T, MAT3) @ point, label))
         rows = rows_of(node)
         if rows is not None and self.objects is not None:
             distance = self.objects.distance(rows)(point)
+            distance = distance * rows.divisor if undivided else distance
             self.shapes.add(distance)
             if not marking or label is PARTS:
                 return distance
             return make("mark", FLOAT, (distance, point), self.objects.label(rows, label[0]))
         if rows is not None and marking and label is not PARTS:
-            return rows.spelled(label, point)
+            spelled = rows.spelled(label, point)
+            return spelled * rows.divisor if undivided else spelled
         children: Sequence[Node] = flattened(node) if node.definition.associative else node.children
-        if self.bounding is not None and label is not PARTS and self.bounding.applies(node, children):
+        if self.bounding is not None and label is not PARTS and not undivided and self.bounding.applies(node, children):
             found = yield from self._bounded(node, children, point, label)
             if found is not None:
                 return found
         if marking and label is not PARTS and node.definition.cuts and len(cutting(children)) < len(children):
             # The distance is that of the cut solid. The marks are those of the operands that decide the material.
-            distance = yield from self._ask(node, point, UNMARKED)
+            distance = yield from self._ask(node, point, UNMARKED, undivided)
             deciding = cutting(children)
             if len(deciding) == 1:
-                marked = yield from self._ask(deciding[0], point, label)
+                marked = yield from self._ask(deciding[0], point, label, undivided)
             else:
-                marked = yield from self._body(node, deciding, point, label)
+                marked = yield from self._body(node, deciding, point, label, undivided)
             return distance + (marked - stop_gradient(marked))
-        return (yield from self._body(node, children, point, label))
+        return (yield from self._body(node, children, point, label, undivided))
 
-    def _body(self, node: Node, children: Sequence[Node], point: Expr, label: Any) -> Work:
+    def _body(self, node: Node, children: Sequence[Node], point: Expr, label: Any, undivided: bool) -> Work:
         """The definition's body with the point, the parameters and the children substituted."""
         if (label is UNMARKED or not children) and node.definition.estimates(node):
             inside = clamp(point, *(np.clip(end, -FARTHEST, FARTHEST) for end in (node.facts.lower, node.facts.upper)))
-            value = yield from self._substituted(node, children, inside, label)
+            value = yield from self._substituted(node, children, inside, label, undivided)
             return _from_box(value, point - inside)
-        return (yield from self._substituted(node, children, point, label))
+        return (yield from self._substituted(node, children, point, label, undivided))
 
-    def _substituted(self, node: Node, children: Sequence[Node], point: Expr, label: Any) -> Work:
+    def _substituted(self, node: Node, children: Sequence[Node], point: Expr, label: Any, undivided: bool) -> Work:
         template = node.definition.template(len(children), node.params)
+        below = undivided or node.definition.adds(len(children), node.params)
         marking = label is not UNMARKED
         answers: list[Expr] = []
         params = [v for v in node.params.values() if isinstance(v, Expr)]
         if not children:
-            value = template(point, *params)
+            value = _reading(template, undivided)(point, *params)
             self.shapes.add(value)
         else:
             new = dict(zip(template.params, (point, *params), strict=True))
@@ -351,8 +359,8 @@ class Lowering:
                 args = tuple([new[arg] for arg in part.args])
                 if part.op == "apply":
                     q = self._handed(args[0], node, children[part.data])
-                    value = yield from self._ask(children[part.data], q, label)
-                    value = self._probed(value, q, children[part.data], node)
+                    value = yield from self._ask(children[part.data], q, label, below)
+                    value = self._probed(value, q, children[part.data], node, below)
                     new[part] = self._in_cell(value, *args[1:]) if len(args) > 1 else value
                     answers.append(new[part])
                 elif marking and part.data is FLOOR:
@@ -370,14 +378,16 @@ class Lowering:
                                 self.origins.setdefault(inner, node.where)
                                 pending += inner.args
                 made.add(new[part])
-            value = new[template.body]
+            value = new[_reading(template, undivided).body]
         if marking and label is not PARTS and node.definition.arity == "one":
             scale = distance_scale(value, answers)
             if scale is not ONE:
-                distance = yield from self._ask(node, point, UNMARKED)
+                distance = yield from self._ask(node, point, UNMARKED, undivided)
                 weight = value / stop_gradient(scale)
                 return distance + (weight - stop_gradient(weight))
         value = shown(node, value, self.rays)
+        if undivided:
+            return value
         if id(node) in self.divisors:
             return value / self.divisors[id(node)]
         return value / node.facts.divisor if node.facts.divisor > 1.0 else value
@@ -404,7 +414,7 @@ class Lowering:
                 if id(child) not in self._operands:
                     body = yield from self._ask(child, p, UNMARKED)
                     called = body.op == "call" and body.args == (p,)
-                    name = self.variable_of(child) or f"{_unlabelled(child).name}_field"
+                    name = f"{_unlabelled(child).name}_field"
                     made = body.data if called else Function(name, (p,), body, self.names, child.where)
                     self._operands[id(child)] = made
                 functions.append(self._operands[id(child)])
@@ -424,28 +434,29 @@ class Lowering:
             marked.append(Function("marked", (p,), balanced(bodies, min), where=node.where))
         return make("mark", FLOAT, (union.field(point), point), BoundedParts(union, tuple(marked)))
 
-    def _ask(self, child: Node, point: Expr, label: Any) -> Work:
+    def _ask(self, child: Node, point: Expr, label: Any, undivided: bool = False) -> Work:
         """The child at a point: its expression, or a call if it is evaluated at several places."""
         solid = _unlabelled(child)
+        undivided = undivided and solid.facts.divided
         repeated = self._sites.get(self._key(solid), 0) > 1 and _is_large(solid)
         if label is not UNMARKED and label is not PARTS and repeated and self._grouping and child.labelled:
-            key = self._key(child)
+            key = self._key(child), undivided
             if key not in self._groups:
-                self._groups[key] = yield from self._group(child)
+                self._groups[key] = yield from self._group(child, undivided)
             group = self._groups[key]
             if group is not None:
-                distance = yield from self._ask(solid, point, UNMARKED)
+                distance = yield from self._ask(solid, point, UNMARKED, undivided)
                 return make("mark", FLOAT, (distance, point), group)
         if label is not UNMARKED or not repeated:
-            return (yield (child, point, label))
-        key = self._key(solid)
+            return (yield (child, point, label, undivided))
+        key = self._key(solid), undivided
         if key not in self._functions:
             p = var("p", vector(solid.dimension))
-            body = yield (solid, p, UNMARKED)
+            body = yield (solid, p, UNMARKED, undivided)
             cells = find([body], "cell")
             formal = [var(f"cell {i}", cell.type) for i, cell in enumerate(cells)]
             closed = substitute([body], dict(zip(cells, formal, strict=True)))[0] if cells else body
-            name = self.variable_of(solid) or f"{solid.name}_field"
+            name = f"{solid.name}_field"
             numbers = [
                 v for v in free_variables([body]) if v is not p and v is not RAY_KIND
             ]  # of objects that are rows
@@ -454,19 +465,20 @@ class Lowering:
         function, given = self._functions[key]
         return function(point, *given)
 
-    def _group(self, child: Node) -> Generator[Request, Expr, Group | None]:
+    def _group(self, child: Node, undivided: bool) -> Generator[Request, Expr, Group | None]:
         """The group of a labelled subtree; None if one of its parts has no label of its own, or one that varies."""
         p = var("p", vector(child.dimension))
-        distance = yield from self._ask(child, p, UNMARKED)
+        distance = yield from self._ask(child, p, UNMARKED, undivided)
         if self.sites is not None or distance.op != "call" or find([distance], "cell", "time"):
             return None
-        body = yield (child, p, (UNLABELLED, p))
+        body = yield (child, p, (UNLABELLED, p), undivided)
         labels = [mark.data for mark in find([body], "mark")]
         varying = any(POSITION in free_variables(label.expressions) for label in labels if not isinstance(label, Group))
         if UNLABELLED in labels or varying or any(cells_of(label) for label in labels):
             return None
-        name = self.variable_of(child) or self.variable_of(_unlabelled(child)) or _unlabelled(child).name
-        return Group(name, distance.data, Function(f"{child.name}_marked", (p,), body, where=child.where))
+        return Group(
+            _unlabelled(child).name, distance.data, Function(f"{child.name}_marked", (p,), body, where=child.where)
+        )
 
     def _handed(self, point: Expr, above: Node | None, child: Node) -> Expr:
         """A point at which a node evaluates a child, as a `probe`."""
@@ -474,10 +486,14 @@ class Lowering:
             return point
         return make("probe", point.type, (point,), Passage("point", self._number(above), self._number(child)))
 
-    def _probed(self, value: Expr, point: Expr, child: Node, above: Node | None) -> Expr:
-        """The value of a child, as a `probe`."""
+    def _probed(self, value: Expr, point: Expr, child: Node, above: Node | None, undivided: bool = False) -> Expr:
+        """The value of a child, as a `probe`, which notes the divided value."""
         if self.sites is None:
             return value
+        facts = _unlabelled(child).facts
+        if undivided and facts.divided:
+            scale = facts.undivided / facts.lipschitz
+            return self._probed(value / scale, point, child, above) * scale
         cells = find([value], "cell")
         parts = [part for cell in cells for part in (cell if cell.type.is_vector else [cell])]
         which = [sum_of([part * prime for part, prime in zip(parts, cycle(_PRIMES), strict=False)])] if cells else []
@@ -520,6 +536,14 @@ def _from_box(inside: Expr, gap: Expr) -> Expr:
     gives one that is no larger at the point.
     """
     return where(dot(gap, gap) > 0.0, length(construct(gap, max(inside, 0.0))), inside)
+
+
+def _reading(template: Function, undivided: bool) -> Function:
+    """A definition as it is written, or the bound that it states in place of its divided value."""
+    if template.body.data is not BOUND:
+        return template
+    body = template.body.args[0 if undivided else 1]
+    return template.once(("reading", undivided), lambda: replace(template, body=body, derived={}))
 
 
 def _unlabelled(node: Node) -> Node:
@@ -567,6 +591,24 @@ def evaluate_distance(node: Node, points: NDArray[np.float64]) -> NDArray[np.flo
     return _in_blocks(field_of(node), points, ()).reshape(points.shape[:-1])
 
 
+def undivided_field(node: Node) -> Function:
+    """The field of a node before it is divided, for evaluation."""
+    if not node.facts.divided:
+        return field_of(node)
+    return field_of(node).once("undivided", lambda: Lowering().field(node, undivided=True))
+
+
+def evaluate_undivided(node: Node, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values of the field before it is divided, in float64; points has shape (N, dimension)."""
+    return _in_blocks(undivided_field(node), points, ())
+
+
+def evaluate_both(node: Node, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Values and gradients of the same: (N,) and (N, dimension)."""
+    found = _in_blocks(companion(undivided_field(node)), points, (points.shape[1] + 1,))
+    return found[:, -1], found[:, :-1]
+
+
 @called_by_nodes
 def evaluate_gradient(node: Node, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Gradients in float64; see `Node.gradient`."""
@@ -575,7 +617,7 @@ def evaluate_gradient(node: Node, points: NDArray[np.float64]) -> NDArray[np.flo
 
 
 def field_of(node: Node) -> Function:
-    """The field of a node for evaluation: a node is lowered once. Names of variables may be missing."""
+    """The field of a node for evaluation: a node is lowered once."""
     if node._field is None:
         node._field = lower(node)
     return node._field

@@ -35,7 +35,7 @@ class Node:
 
     __slots__ = (
         *("__weakref__", "_field", "_same", "children", "definition", "known_facts", "label", "labelled"),
-        *("params", "variable", "where"),
+        *("params", "where"),
     )
 
     def __init__(
@@ -55,7 +55,6 @@ class Node:
         if not self.labelled and "rows" in params:  # many objects, with materials of their own
             self.labelled = bool(params["rows"].labelled)
         self.where: Location | None = user_location()
-        self.variable: str | None = None  # the name of the scene file's variable that holds it
         self._field: Function | None = None  # lowered, with the programs that evaluate it; see `raymarch.sdf.lower`
         self._same: Same = same(definition, tuple(child._same for child in children), tuple(params.items()), label)
 
@@ -65,6 +64,10 @@ class Node:
 
     def __hash__(self) -> int:
         return hash(self._same)
+
+    def __bool__(self) -> bool:
+        legal = "use a & b in place of a and b, a | b in place of a or b, a - b or node.complement() in place of not, "
+        raise SceneError(f"a node ({self.name}) has no truth value", legal=f"{legal}node is not None in place of if")
 
     def __copy__(self) -> Node:
         return self
@@ -98,6 +101,12 @@ class Node:
     def name(self) -> str:
         """Name of the shape or operator."""
         return self.definition.called
+
+    @property
+    def placed_as(self) -> str:
+        """How the operator passes distances on; see `raymarch.sdf.definition.Placing`."""
+        found = self.definition.placing
+        return found if isinstance(found, str) else found(*[child.facts for child in self.children], **self.params)
 
     @property
     def facts(self) -> Facts:
@@ -302,8 +311,8 @@ def replaced(
 
 
 def at_line_of(node: Node, made: Node) -> Node:
-    """A new node that belongs to the user's line and variable of another one."""
-    made.where, made.variable = node.where, node.variable
+    """A new node that belongs to the user's line of another one."""
+    made.where = node.where
     return made
 
 

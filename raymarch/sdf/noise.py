@@ -20,12 +20,12 @@ from raymarch.expr.derivative import companion
 from raymarch.expr.evaluate import Program
 from raymarch.expr.function import Function, function, sum_of, trace
 from raymarch.expr.hashing import hash
-from raymarch.expr.intervals import INTERVALS, interval_of
+from raymarch.expr.intervals import INTERVALS, Interval, interval_of
 from raymarch.expr.node import Expr, Operand, expr
 from raymarch.expr.types import FLOAT, VEC2, VEC3
 from raymarch.expr.vocabulary import clamp, cos, floor, max, mix, sin, vec3
 from raymarch.expr.walk import find
-from raymarch.sdf.definition import Child, operator
+from raymarch.sdf.definition import Child, operator, with_bound
 from raymarch.sdf.domain import Domain, NonNegative, Scalar, as_operand
 from raymarch.sdf.node import Node, method, solid
 
@@ -37,7 +37,12 @@ OfPoint = Annotated[Any, Domain(None, holds=Function)]
 
 
 def _displaced(distance: Expr, displacement: Expr, amplitude: Scalar, slope: Scalar) -> Expr:
-    return max((distance + displacement) / (1.0 + slope), distance - amplitude)
+    value = distance + displacement
+    return with_bound(value, max(value / (1.0 + slope), distance - amplitude))
+
+
+def _noise_slope(amplitude: Scalar, frequency: Scalar, octaves: int) -> Expr:
+    return expr(amplitude) * frequency * (math.pi * _share(octaves) * octaves)
 
 
 @checked
@@ -75,6 +80,17 @@ def lattice_noise(q: Expr) -> Expr:
     return 2.0 * mix(low, high, weight.z) - 1.0
 
 
+def _noise_range(q: Interval) -> tuple[Interval]:
+    """The interval reading of `lattice_noise`: a mean of its corners, which intervals take as independent."""
+    program = lattice_noise.once("range", lambda: Program([lattice_noise.body], lattice_noise.params, INTERVALS))
+    ((low, high),) = program(q)
+    if low is high:
+        return ((low, low),)
+    return ((np.fmax(low, -1.0), np.fmin(high, 1.0)),)
+
+
+lattice_noise.derived["program", INTERVALS] = _noise_range
+
 OFFSET = (17.31, 5.77, 29.53)
 """Offset between octaves, so that their lattices have no point in common."""
 
@@ -86,7 +102,9 @@ def _share(octaves: int) -> float:
 
 @operator(
     bounds=lambda child, amplitude: child.grown(amplitude),
-    lipschitz=1.0,
+    lipschitz=lambda child, amplitude, frequency, octaves: (
+        child.lipschitz + _noise_slope(amplitude, frequency, octaves)
+    ),
     spread=lambda child: child.spread,
     called="displace_by_noise",
 )
@@ -98,8 +116,7 @@ def noisy(
     layers = [
         first * 0.5**i * lattice_noise(frequency * 2.0**i * p + tuple(i * o for o in OFFSET)) for i in range(octaves)
     ]
-    slope = amplitude * frequency * (math.pi * first * octaves)
-    return _displaced(child(p), amplitude * sum_of(layers), amplitude, slope)
+    return _displaced(child(p), amplitude * sum_of(layers), amplitude, _noise_slope(amplitude, frequency, octaves))
 
 
 @method
@@ -124,7 +141,7 @@ def ripples(p: Expr) -> Expr:
 
 @operator(
     bounds=lambda child, amplitude: child.grown(amplitude),
-    lipschitz=1.0,
+    lipschitz=lambda child, slope: child.lipschitz + slope,
     spread=lambda child: child.spread,
     called="displace_by",
 )
@@ -217,10 +234,10 @@ def _measured(
         raise SceneError(what, legal="a bounded solid, as `node & box(...)`; or amplitude and lipschitz as numbers")
     lower, upper = node.bounds
     for margin in (1.0, 2.0, 4.0):
-        reach = node.facts.spread * margin * float(interval_of(expr(over(*node.bounds)[0]))[1])
+        reach = node.facts.undivided_spread * margin * float(interval_of(expr(over(*node.bounds)[0]))[1])
         lower, upper = node.bounds[0] - reach, node.bounds[1] + reach
         found = over(lower, upper)
-        if finite(found) and node.facts.spread * float(interval_of(expr(found[0]))[1]) <= reach:
+        if finite(found) and node.facts.undivided_spread * float(interval_of(expr(found[0]))[1]) <= reach:
             return _held_outside(function, lower, upper), *found
     what = f"displace_by: amplitude and slope of the function over {node.name} have no limit"
     raise SceneError(what, legal="amplitude and lipschitz as numbers")

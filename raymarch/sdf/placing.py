@@ -11,13 +11,29 @@ from numpy.typing import ArrayLike
 
 from raymarch.errors import Location, SceneError, user_location, warn
 from raymarch.expr.convert import described, holdable, numbers, plain, short
-from raymarch.expr.node import Expr, const
+from raymarch.expr.node import Expr, const, expr
 from raymarch.expr.types import FLOAT
-from raymarch.expr.vocabulary import abs, columns, cos, cross, dot, length, max, min, sin, transpose, vec2, vec3, where
+from raymarch.expr.vocabulary import (
+    abs,
+    clamp,
+    columns,
+    cos,
+    cross,
+    dot,
+    length,
+    max,
+    min,
+    sin,
+    transpose,
+    vec2,
+    vec3,
+    where,
+)
 from raymarch.sdf.definition import Child, ChildFacts, definition_of, operator
 from raymarch.sdf.domain import Angle, Direction, Matrix3, Positive, Scalar, Size3, Vec3, Vector, as_operand
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.node import Node, method, solid
+from raymarch.sdf.regions import Motion
 from raymarch.sdf.solids import box
 
 AXES: Mapping[str, tuple[float, float, float]] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -57,12 +73,13 @@ def _spread_through(matrix: Expr) -> Expr:
 
 @method
 @operator(
-    exactness="exact",
     bounds=lambda child, offset: child.box + offset,
     symmetry=lambda child, offset: unmoved(child.symmetry, offset),
     spread=lambda child: child.spread,
-    convex=True,
+    radii=lambda child, offset: [(child.centre + offset, child.radii)],
+    motion=lambda child, offset: Motion(offset=offset, turns=False),
     dimension="any",
+    placing="rigid",
 )
 def translate(p: Expr, child: Child, offset: Vec3) -> Expr:
     """Translate.
@@ -85,11 +102,10 @@ def rotation_matrix(axis: Expr, angle: Scalar) -> Expr:
 
 
 @operator(
-    exactness="exact",
-    bounds=lambda child, axis, angle: rotation_matrix(axis, angle) @ child.box,
-    spread=lambda child, axis, angle: child.spread * _spread_through(rotation_matrix(axis, angle)),
-    convex=True,
+    spread=lambda child: math.sqrt(3.0) * child.spread,
+    motion=lambda child, axis, angle: Motion(rotation_matrix(axis, angle), axis=axis, angle=angle),
     called="rotate",
+    placing="rigid",
 )
 def rotate_about(p: Expr, child: Child, axis: Direction, angle: Angle) -> Expr:
     """Rotate about an axis through the origin."""
@@ -102,12 +118,11 @@ def _turning(angle: Expr) -> Expr:
 
 
 @operator(
-    exactness="exact",
-    bounds=lambda child, angle: _turning(angle) @ child.box,
-    spread=lambda child, angle: child.spread * _spread_through(_turning(angle)),
-    convex=True,
+    spread=lambda child: math.sqrt(2.0) * child.spread,
+    motion=lambda child, angle: Motion(_turning(angle), axis=const((0.0, 0.0, 1.0)), angle=angle),
     dimension=2,
     called="rotate",
+    placing="rigid",
 )
 def turn(p: Expr, child: Child, angle: Angle) -> Expr:
     """A flat shape turned about the origin, counter-clockwise."""
@@ -171,11 +186,10 @@ def turn_between(start: Expr, end: Expr) -> Expr:
 
 
 @operator(
-    exactness="exact",
-    bounds=lambda child, axis, direction: turn_between(axis, direction) @ child.box,
     spread=lambda child: math.sqrt(3.0) * child.spread,
-    convex=True,
+    motion=lambda child, axis, direction: Motion(turn_between(axis, direction)),
     called="orient",
+    placing="rigid",
 )
 def oriented(p: Expr, child: Child, axis: Direction = (0.0, 1.0, 0.0), direction: Direction = (1.0, 1.0, 1.0)) -> Expr:
     """Rotate so that an axis points along a direction."""
@@ -193,13 +207,14 @@ def orient(node: Node, direction: Vector = (1.0, 1.0, 1.0), axis: Vector | str =
 
 
 @operator(
-    exactness="exact",
     bounds=lambda child, factor: child.box * factor,
     symmetry="keep",
     spread=lambda child: child.spread,
-    convex=True,
+    radii=lambda child, factor: [(child.centre * factor, child.radii * factor)],
+    motion=lambda child, factor: Motion(factor, turns=False),
     dimension="any",
     called="scale",
+    placing="scale",
 )
 def scale_evenly(p: Expr, child: Child, factor: Positive) -> Expr:
     """Scale by one factor. Distances are scaled by it too, so they stay exact."""
@@ -241,21 +256,22 @@ def scale(node: Node, factor: Scalar | Vector) -> Node:
 
 @operator(
     exactness=lambda child, linear: "exact" if _is_rigid(linear) else "bound",
-    bounds=lambda child, linear, offset: linear @ child.box + offset,
     spread=lambda child, linear, stretch: child.spread * _spread_through(linear) / stretch,
     convex=True,
+    motion=lambda child, linear, offset: Motion(linear, offset),
     dimension="any",
     called="transform",
+    placing=lambda child, linear: "scale" if _is_rigid(linear, 1e-12) else "stretch",
 )
 def affine(p: Expr, child: Child, linear: Matrix3, inverse: Matrix3, offset: Vec3, stretch: Positive) -> Expr:
     """The affine map x -> linear x + offset. `stretch` is the smallest singular value of `linear`."""
     return stretch * child(inverse @ (p - offset))
 
 
-def _is_rigid(linear: Expr) -> bool:
+def _is_rigid(linear: Expr, tolerance: float = 8 * np.finfo(np.float64).eps) -> bool:
     """A rotation or reflection times one factor: all singular values agree to rounding."""
     values = np.linalg.svd(linear.data, compute_uv=False)
-    return bool(values[0] - values[-1] <= 8 * np.finfo(np.float64).eps * values[0])
+    return bool(values[0] - values[-1] <= tolerance * values[0])
 
 
 @method
@@ -308,6 +324,12 @@ def _mirrored_bounds(child: ChildFacts, normal: Expr) -> tuple[Expr, Expr]:
     return min(child.lower, image), max(child.upper, image)
 
 
+def _mirrored_radii(child: ChildFacts, normal: Expr) -> list[tuple[Expr, Expr]]:
+    reach = length(child.centre)
+    ball = expr((child.radii.w,) * 4)
+    return [*child.within(), (clamp(_reflection(normal) @ child.centre, -reach, reach), ball)]
+
+
 def _mirrored_symmetry(child: Facts, normal: Expr) -> str:
     n = len(normal)
     along = [a for a, v in AXES.items() if normal.is_constant and np.array_equal(np.abs(normal.data), v[:n])]
@@ -319,8 +341,10 @@ def _mirrored_symmetry(child: Facts, normal: Expr) -> str:
     bounds=_mirrored_bounds,
     symmetry=_mirrored_symmetry,
     spread=lambda child, normal: child.spread * _spread_through(_reflection(normal)),
+    radii=_mirrored_radii,
     dimension="any",
     called="mirror",
+    placing="select",
 )
 def mirror_across(p: Expr, child: Child, normal: Direction) -> Expr:
     """Evaluates the child at the reflection of points behind the plane through the origin."""
@@ -337,13 +361,14 @@ def mirror(node: Node, axis: Vector | str) -> Node:
 
 
 @operator(
-    exactness="exact",
     bounds=lambda child: child.box,
     symmetry="keep",
     spread=lambda child: child.spread,
-    convex=True,
+    radii=lambda child: child.within(),
+    motion=lambda child: Motion(turns=False),
     dimension="any",
     called="material",
+    placing="rigid",
 )
 def labelled(p: Expr, child: Child) -> Expr:
     """The same field with a label, which determines the material."""

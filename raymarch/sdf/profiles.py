@@ -7,18 +7,22 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.convert import choice, short
 from raymarch.expr.intervals import interval_of
-from raymarch.expr.node import Expr
+from raymarch.expr.node import Expr, expr
+from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import clamp, cos, length, max, min, sin, sqrt, square, vec2, vec3, where
-from raymarch.sdf.booleans import hull, widest
-from raymarch.sdf.definition import Child, ChildFacts, around_y, combination, operator
+from raymarch.sdf.booleans import hull, intersection, widest
+from raymarch.sdf.definition import Child, ChildFacts, around_y, combination, definition_of, operator
 from raymarch.sdf.domain import Length, Positive, Scalar, Word
 from raymarch.sdf.facts import Exactness, Facts
+from raymarch.sdf.flat import flat_triangle, polygon, rectangle, regular_polygon
 from raymarch.sdf.joints import largest_difference
 from raymarch.sdf.node import Node, method
+from raymarch.sdf.solids import box, plane
 
 # Extrusion
 
@@ -108,7 +112,9 @@ def extrude_to(node: Node, other: Node, height: Scalar = 1.0, easing: str = "smo
     ----------
     node, other : bounded flat shapes: the profile at z = -height / 2 and that at z = height / 2.
     height : full extent along z, > 0.
-    easing : name of the easing curve of the transition: "linear", "smooth", "sine", "in_quad", ...
+    easing : name of the easing curve of the transition: "linear", "smooth", "sine", "in_quad", ... With "linear", two
+        convex polygons of numbers (`rectangle`, `polygon`, `regular_polygon`, `flat_triangle`) give the frustum between
+        them: their convex hull, which has plane sides.
 
     A bound: between the ends the two distances are mixed and divided by the slope of the mix. Along z it is at most
     their largest difference times the easing's slope over the height. That difference is found on a grid, whose
@@ -120,7 +126,57 @@ def extrude_to(node: Node, other: Node, height: Scalar = 1.0, easing: str = "smo
             raise SceneError(f"extrude_to of {short(each)}", legal="two flat shapes, such as circle() and rectangle()")
         if not each.facts.bounded:
             raise SceneError(f"extrude_to: {each.name} is unbounded", legal="flat shapes that are bounded")
+    ends = [_convex_corners(each) for each in (node, other)]
+    tall = expr(height)
+    known = tall.is_constant and tall.type is FLOAT and 0.0 < float(tall.data) < np.inf
+    if known and easing == "linear" and ends[0] is not None and ends[1] is not None:
+        return _frustum(ends[0], ends[1], float(tall.data))
     return loft([node, other], height, largest_difference(node, other), easing)
+
+
+MOST_CORNERS = 64
+"""Maximum number of corners of a polygon whose frustum has a plane for each."""
+
+
+def _convex_corners(node: Node) -> NDArray[np.float64] | None:
+    """The corners of a convex polygon with constant numbers, counter-clockwise; None for any other shape."""
+    if not (node.facts.convex and all(v.is_constant for v in node.params.values() if isinstance(v, Expr))):
+        return None
+    p = {name: np.array(v.data if isinstance(v, Expr) else v, np.float64) for name, v in node.params.items()}
+    if node.definition is definition_of(rectangle):
+        corners = 0.5 * p["size"] * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+    elif node.definition is definition_of(polygon):
+        corners = p["points"]
+    elif node.definition is definition_of(flat_triangle):
+        corners = np.array([p["a"], p["b"], p["c"]])
+    elif node.definition is definition_of(regular_polygon):
+        turn = math.tau * np.arange(int(p["sides"])) / p["sides"]
+        corners = p["radius"] * np.stack([np.sin(turn), np.cos(turn)], axis=1)
+    else:
+        return None
+    (x, y), (u, v) = corners.T, np.roll(corners, -1, axis=0).T
+    return None if len(corners) > MOST_CORNERS else corners if np.sum(x * v - y * u) > 0.0 else corners[::-1]
+
+
+def _frustum(bottom: NDArray[np.float64], top: NDArray[np.float64], height: float) -> Node:
+    """The convex hull of two convex polygons, at z = -height / 2 and height / 2.
+
+    With the support functions a and b of the two, the section at the share t of the height has (1 - t) a + t b. Its
+    edges have the normals of the edges of both, and each is in one plane.
+    """
+    edges = np.concatenate([np.roll(each, -1, axis=0) - each for each in (bottom, top)])
+    edges = edges[np.linalg.norm(edges, axis=1) > 0.0]
+    normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / np.linalg.norm(edges, axis=1, keepdims=True)
+    normals = normals[np.unique(np.round(normals, 12), axis=0, return_index=True)[1]]
+    below, above = (np.max(each @ normals.T, axis=0) for each in (bottom, top))
+    both = np.concatenate([bottom, top])
+    low, high = both.min(axis=0), both.max(axis=0)
+    sides = [
+        plane((*n.tolist(), (a - b) / height), 0.5 * (a + b) / math.hypot(1.0, (a - b) / height))
+        for n, a, b in zip(normals, below.tolist(), above.tolist(), strict=True)
+    ]
+    middle = (*(0.5 * (low + high)).tolist(), 0.0)
+    return intersection(box((*(high - low).tolist(), height)).translate(middle), *sides)
 
 
 # Revolution

@@ -30,10 +30,11 @@ from raymarch.expr.vocabulary import (
     sqrt,
     vec2,
     vec3,
+    vec4,
     where,
 )
 from raymarch.sdf.blends import smooth_min
-from raymarch.sdf.definition import around_y, cube, shape
+from raymarch.sdf.definition import around_y, cube, radii_about_y, shape
 from raymarch.sdf.domain import (
     Acute,
     Domain,
@@ -67,7 +68,12 @@ def about_y(p: Expr) -> Expr:
 # Ellipsoids
 
 
-@shape(exactness="exact", bounds=lambda size: cube(0.5 * size), symmetry="xyz", convex=True)
+def _ellipsoid_radii(size: Any) -> Expr:
+    x, y, z = 0.5 * size
+    return vec4(max(y, z), max(x, z), max(x, y), max(x, y, z))
+
+
+@shape(exactness="exact", bounds=lambda size: cube(0.5 * size), symmetry="xyz", convex=True, radii=_ellipsoid_radii)
 def ellipsoid(p: Expr, size: Size3 = (2.0, 1.2, 1.5)) -> Expr:
     """Ellipsoid about the origin.
 
@@ -210,6 +216,7 @@ def infinite_cylinder(p: Expr, radius: Positive = 0.5) -> Expr:
     exactness="exact",
     bounds=lambda radius, height: cube(vec3(radius, 0.5 * height, radius)),
     symmetry="xyz",
+    radii=lambda radius, height: radii_about_y(radius, 0.5 * height),
     check=Fits(
         lambda radius, height, rounding: rounding <= min(radius, 0.5 * height), "rounding <= radius and <= height / 2"
     ),
@@ -229,6 +236,7 @@ def rounded_cylinder(p: Expr, radius: Positive = 0.8, height: Positive = 1.4, ro
     exactness="exact",
     bounds=lambda radius, height, top: cube(vec3(max(radius, top), 0.5 * height, max(radius, top))),
     symmetry="xz",
+    radii=lambda radius, height, top: radii_about_y(max(radius, top), 0.5 * height),
     check=Fits(lambda radius, top: max(radius, top) > 0.0, "one of them > 0"),
     convex=True,
 )

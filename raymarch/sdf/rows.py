@@ -82,7 +82,7 @@ class Form:
     order : position of each object among the operands of the union, shape (n,).
     lower, upper : box of each object, shape (n, 3). radius : of a sphere about the centre of the box that holds it,
         shape (n,). spread, lipschitz : facts of each, shape (n,).
-    exact : True if all are exact.
+    exact : True if all are exact. divisor : the number by which the field of each is divided; 1 if these differ.
     moving : where objects are that depend on parameters or time; None for a form that does not.
     """
 
@@ -98,6 +98,7 @@ class Form:
     spread: Array
     lipschitz: Array
     exact: bool
+    divisor: float = 1.0
     moving: Moving | None = None
 
     def __len__(self) -> int:
@@ -302,6 +303,12 @@ class Rows:
     def live(self) -> tuple[Expr, ...]:
         """The parameters and time, on which some objects depend."""
         return tuple(dict.fromkeys(leaf for form in self.forms if form.moving for leaf in form.columns.live))
+
+    @property
+    def divisor(self) -> float:
+        """The number by which the fields of all objects are divided; 1 if these differ."""
+        found = {form.divisor for form in self.forms}
+        return found.pop() if len(found) == 1 else 1.0
 
     @property
     def labelled(self) -> bool:

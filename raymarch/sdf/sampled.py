@@ -8,16 +8,13 @@ from __future__ import annotations
 
 import hashlib
 import os
-import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from PIL import Image
 
 from raymarch import cache as disk
 from raymarch.errors import SceneError, warn
@@ -25,14 +22,17 @@ from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import file_path, input_file, integer, numbers, optional, real, short
 from raymarch.expr.function import sum_of
+from raymarch.expr.images import opened
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import clamp, length, max, min, vec2, vec3
-from raymarch.sdf.definition import Child, operator, shape
+from raymarch.files import reading
+from raymarch.sdf.definition import Child, operator, shape, with_bound
 from raymarch.sdf.deform import offset
 from raymarch.sdf.domain import Data, Domain, NonNegative, Scalar, Size2, Size3, Vec3, Vector
+from raymarch.sdf.mesh_files import LEGAL, Beside, read_mesh
 from raymarch.sdf.nearest import Surface
 from raymarch.sdf.node import Node, method
 from raymarch.sdf.solids import box
@@ -85,7 +85,7 @@ def _grid_spread(data: Samples, size: Any) -> Expr:
         ratios.append(float(np.max(cells / np.maximum(least, SMALLEST))))
     cell = expr(size) / tuple(_texels(data))
     ratio = max(cell.x * ratios[0], max(cell.y * ratios[1], cell.z * ratios[2]))
-    return length(vec2(1.0, ratio))
+    return length(vec2(1.0, ratio * _steepness(data, size)))
 
 
 def _some_grid() -> Samples:
@@ -98,7 +98,12 @@ def _some_grid() -> Samples:
 BALL = _some_grid()
 
 
-@shape(exactness="bound", bounds=_solid_box, lipschitz=_steepness, spread=_grid_spread)
+@shape(
+    exactness="bound",
+    bounds=_solid_box,
+    lipschitz=lambda data, size: length(vec2(1.0, _steepness(data, size))),
+    spread=_grid_spread,
+)
 def sampled_grid(p: Expr, data: Data = BALL, size: Size3 = (2.0, 2.0, 2.0), centre: Vec3 = (0.0, 0.0, 0.0)) -> Expr:
     """Distances on a regular grid whose outermost samples lie on the faces of a box."""
     q = p - centre
@@ -106,7 +111,9 @@ def sampled_grid(p: Expr, data: Data = BALL, size: Size3 = (2.0, 2.0, 2.0), cent
     value = sample(data, (inside / size + 0.5) * tuple(_texels(data)))
     # Every point x of the solid lies in the convex box, so with c the nearest point of the box
     # |p - x|^2 >= |p - c|^2 + |c - x|^2: the two distances add like the sides of a right triangle.
-    return length(vec2(length(q - inside), max(value, 0.0))) + min(value, 0.0)
+    beyond, bound = length(q - inside), value / _steepness(data, size)
+    # The sum of the two is right where the way out of the box is along the normal: at faces that the solid touches.
+    return with_bound(beyond + value, length(vec2(beyond, max(bound, 0.0))) + min(bound, 0.0))
 
 
 @checked
@@ -201,26 +208,36 @@ def _refuse_broken(what: str, broken: NDArray[np.bool_], of: str, legal: str) ->
 
 
 def _as_distances(array: NDArray[np.float64], size: Any) -> Samples:
-    """Values in a box of that size as distances: the same surface, and no slope above 1.
+    """Values in a box of that size as distances: the same surface, and the usual slope 1 there.
 
     Cells that hold the surface keep their values. No other value exceeds what twice the steepest slope there allows.
     """
-    cell = np.min(np.asarray(size, np.float64) / (np.array(array.shape) - 1.0))
+    cells = np.asarray(size, np.float64) / (np.array(array.shape) - 1.0)
+    cell = np.min(cells)
     if not (array.min() <= 0.0 < array.max() and 0.0 < cell < np.inf):
         return Samples(array.transpose(2, 1, 0))
     values = array / np.abs(array).max()
     low, high, slopes = _cells(values)
     crossed = (low <= 0.0) & (high > 0.0)
-    steepest, allowed = slopes.max(), 4.0 * np.max(slopes, where=crossed, initial=0.0)
-    if steepest > allowed:
+    allowed = 4.0 * np.max(slopes, where=crossed, initial=0.0)
+    if slopes.max() > allowed:
         kept = np.pad(crossed, 1)
         for axis in range(3):
             kept = _over_ends(np.logical_or, kept, axis)
         step = float(np.sqrt(allowed))
         values = np.where(kept, values, np.where(values > 0.0, _limited(values, step), -_limited(-values, step)))
-        steepest = _cells(values)[2].max()
-    slope = np.sqrt(steepest) / cell * (1.0 + 1e-6)  # rounded to float32, no slope exceeds 1 either
-    return Samples(values.transpose(2, 1, 0) / slope)
+    return Samples(values.transpose(2, 1, 0) / _usual_slope(values, crossed, cells))
+
+
+def _usual_slope(values: NDArray[np.float64], crossed: NDArray[np.bool_], cell: NDArray[np.float64]) -> float:
+    """The median slope in the middle of the cells that hold the surface."""
+    square = np.zeros(values.shape - np.array(1))
+    for axis in range(3):
+        step = np.diff(values, axis=axis) / cell[axis]
+        for other in {0, 1, 2} - {axis}:
+            step = _over_ends(lambda a, b: 0.5 * (a + b), step, other)
+        square += step**2
+    return float(np.sqrt(np.median(square[crossed & (square > 0.0)]))) if np.any(crossed & (square > 0.0)) else 1.0
 
 
 def _limited(values: NDArray[np.float64], step: float) -> NDArray[np.float64]:
@@ -295,7 +312,7 @@ def mesh(
 
     Parameters
     ----------
-    file : a file that trimesh reads: STL, OBJ, PLY, GLB, ...
+    file : a file that trimesh reads: STL, OBJ, PLY, GLB, ... Other files that it names must be in its folder.
     extent : scale the mesh to this largest extent and centre it at the origin. None keeps its coordinates.
     resolution : samples along its largest extent, 8 to 256.
     progress : called with the fraction done, 0 to 1.
@@ -315,16 +332,15 @@ def mesh(
     folder = None if cache is None else file_path("mesh: cache", cache, "a folder")
     if progress is not None and not callable(progress):
         raise SceneError(f"mesh: progress = {short(progress)}", legal="a function of the fraction done, or None")
-    try:
+    with reading("mesh", file, LEGAL):
         content = Path(file).read_bytes()
-    except OSError as fault:
-        raise SceneError(f"mesh: cannot read '{file}': {fault.strerror or fault}", legal="a mesh file") from None
-    key = hashlib.sha256(content + f"{extent} {resolution} 5".encode()).hexdigest()[:24]
+    key = hashlib.sha256(content + f"{extent} {resolution} {Path(file).suffix.lower()} 6".encode()).hexdigest()
     kept = disk.folder() if folder is None else Path(folder)
-    kept = kept and kept / f"mesh-{key}.npz"
-    found = None if kept is None else _from_cache(kept)
+    kept = kept and kept / f"mesh-{key[:24]}.npz"
+    found = None if kept is None else _from_cache(kept, Path(file))
     if found is None:
-        solid, unit, repairs = _load_mesh(Path(file), extent)
+        beside = Beside(Path(file).parent)
+        solid, unit, repairs = _load_mesh(Path(file), content, beside, extent)
         *sampled, missing = _sample_mesh(solid, resolution, progress, f"mesh: '{file}'")
         values, size, centre = (unit * part for part in sampled)
         if missing > 0.01:
@@ -334,8 +350,9 @@ def mesh(
                 "small for them"
             )
         if kept is not None:
-            arrays = {"values": values, "size": size, "centre": centre, "repairs": np.array(repairs, np.str_)}
-            if lost := disk.save(kept, arrays, compressed=True):
+            texts = {"repairs": repairs, "names": [*beside.digests], "digests": [*beside.digests.values()]}
+            arrays = {"values": values, "size": size, "centre": centre}
+            if lost := disk.save(kept, arrays | {n: np.array(t, np.str_) for n, t in texts.items()}, compressed=True):
                 warn(f"mesh: the cache {lost}: nothing is kept")
         found = sampled_grid(Samples(values), size, centre), repairs
     for repair in found[1]:
@@ -343,36 +360,26 @@ def mesh(
     return found[0]
 
 
-def _from_cache(kept: Path) -> tuple[Node, list[str]] | None:
-    """Samples of an earlier run and its repairs; None if there are none, or with a warning if they are damaged."""
+def _from_cache(kept: Path, file: Path) -> tuple[Node, list[str]] | None:
+    """Samples of an earlier run and its repairs; None if there are none, or with a warning if they are damaged, or if
+    another file that the mesh names has changed since."""
     if not kept.exists():
         return None
-    try:
-        if (found := disk.load(kept)) is not None:
-            repairs = [str(repair) for repair in found["repairs"]]
-            return sampled_grid(Samples(found["values"]), found["size"], found["centre"]), repairs
-    except (*disk.UNREADABLE, SceneError):
-        pass
-    warn(f"mesh: the cache file '{kept}' cannot be read: it is made anew")
-    return None
+    if (found := disk.load(kept)) is None:
+        warn(f"mesh: the cache file '{kept}' cannot be read: it is made anew")
+        return None
+    if not Beside(file.parent).holds(dict(zip(found["names"].tolist(), found["digests"].tolist(), strict=True))):
+        return None
+    return sampled_grid(Samples(found["values"]), found["size"], found["centre"]), found["repairs"].tolist()
 
 
 def _extent(what: str, value: Any) -> float:
     return real(what, value, float(np.finfo(np.float32).tiny), legal="a number > 0, or None")
 
 
-def _load_mesh(file: Path, extent: float | None) -> tuple[Any, float, list[str]]:
+def _load_mesh(file: Path, content: bytes, beside: Beside, extent: float | None) -> tuple[Any, float, list[str]]:
     """The mesh, closed and with outward normals; the unit of its coordinates, about its size; and the repairs."""
-    try:
-        import trimesh
-    except ImportError:
-        raise SceneError("mesh needs the package trimesh", legal="pip install 'raymarch[mesh]'") from None
-    try:
-        solid = trimesh.load(file, force="mesh", process=False)
-    except Exception as fault:
-        raise SceneError(f"mesh: cannot read '{file}': {fault}", legal="a mesh file that trimesh reads") from fault
-    if len(solid.faces) == 0:
-        raise SceneError(f"mesh: '{file}' holds no triangles", legal="a watertight mesh, which has an inside")
+    solid = read_mesh(file, content, beside)
     _refuse_broken(f"mesh: '{file}'", ~np.isfinite(solid.vertices).all(axis=1), "vertices", "numbers")
     middle, largest = solid.bounds.mean(axis=0), float(solid.extents.max())
     unit = float(2.0 ** np.rint(np.log2(largest))) if largest > 0.0 else 1.0
@@ -380,6 +387,8 @@ def _load_mesh(file: Path, extent: float | None) -> tuple[Any, float, list[str]]
     solid.apply_translation(-middle / unit)
     solid.merge_vertices(merge_tex=True, merge_norm=True)
     solid.update_faces(solid.nondegenerate_faces() & solid.unique_faces())
+    if not len(solid.faces):
+        raise SceneError(f"mesh: '{file}' holds no triangles with an area", legal="a mesh that has an inside")
     repairs = [f"mesh: '{file}': {repair}" for repair in _closed(solid, file)]
     if extent is None:
         solid.apply_translation(middle / unit)
@@ -504,10 +513,7 @@ def luminance(source: str | os.PathLike[str] | ArrayLike, what: str) -> NDArray[
     legal = f"from 2 x 2 to {MOST} x {MOST} finite numbers"
     if isinstance(source, str | os.PathLike):
         source = input_file(f"{what}: source", source, "an image file")
-        with opened(source, what) as picture:
-            if not 2 <= np.min(picture.size) <= np.max(picture.size) <= MOST:
-                size = " x ".join(map(str, picture.size))
-                raise SceneError(f"{what}: '{source}' has {size} pixels", legal=legal)
+        with opened(what, source, MOST, least=2) as picture:
             array = np.asarray(picture.convert("F"), np.float64) / (65535.0 if "16" in picture.mode else 255.0)
     else:
         array = numbers(f"{what}: source", source, f"an image file, or heights {legal}")
@@ -515,18 +521,6 @@ def luminance(source: str | os.PathLike[str] | ArrayLike, what: str) -> NDArray[
             raise SceneError(f"{what}: heights of shape {array.shape}", legal=f"(rows, columns), {legal}")
     _refuse_broken(what, ~np.isfinite(array), "heights", legal)
     return array
-
-
-@contextmanager
-def opened(source: str | os.PathLike[str], what: str) -> Iterator[Image.Image]:
-    """An open image file. SceneError with its name if it is missing, broken or far too large."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # its size is checked where it is used
-            with Image.open(source) as picture:
-                yield picture
-    except (OSError, ValueError, SyntaxError, EOFError, Image.DecompressionBombError) as fault:
-        raise SceneError(f"{what}: cannot read '{source}': {fault}", legal="an image file") from None
 
 
 def _carpet(data: Samples, size: Any, height: Any) -> Expr:

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError, is_users
+from raymarch.expr.arrays import evaluator
+from raymarch.expr.node import const
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.node import Node
 
@@ -35,7 +37,7 @@ def stated_by_user(node: Node) -> bool:
 
 
 def contradictions(node: Node, samples: int = SAMPLES) -> Iterator[str]:
-    """A sentence for each fact (bounds, spread, exactness, symmetry) that samples of the field refute.
+    """A sentence for each fact (bounds, spread, exactness, symmetry, placing) that samples of the field refute.
 
     The field is evaluated in float64, for the bound values of parameters and time (`raymarch.expr.arrays.bound`).
     Positions are in the space of the node. A node without a float64 field gives no sentence.
@@ -57,6 +59,8 @@ def contradictions(node: Node, samples: int = SAMPLES) -> Iterator[str]:
         yield from _inexact(node, points, field, size)
     for axis in facts.symmetry:
         yield from _asymmetric(node, points, field, size, axis)
+    if node.placed_as in ("rigid", "scale"):
+        yield from _misplaced(node, points)
 
 
 @lru_cache(maxsize=256)
@@ -115,6 +119,17 @@ def _asymmetric(node: Node, points: Points, field: Points, size: float, axis: st
         yield (
             f"the field is {field[k]:.4g} at {_shown(points[k])}, and differs by {gap[k]:.3g} if {axis} changes sign"
         )
+
+
+def _misplaced(node: Node, points: Points) -> Iterator[str]:
+    """Pairs of points whose distance changes by another factor than that of the field."""
+    point, child, factor = node.definition.placement(node.params)
+    moved, scale = evaluator([child, const(1.0) if factor is None else factor], [point])(points)
+    apart, now = (np.linalg.norm(p[:-1] - p[1:], axis=-1) for p in (points, np.broadcast_to(moved, points.shape)))
+    k = int(np.argmax(gap := np.abs(scale * now - apart)))
+    if gap[k] > 1e-6 * apart[k]:
+        what = f"points {apart[k]:.4g} apart, at {_shown(points[k])}, are {now[k]:.4g} apart in the child's space"
+        yield f"placing = {node.placed_as!r}, but {what}"
 
 
 def _worst(errors: Points, legal: Points) -> int | None:

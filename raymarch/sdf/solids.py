@@ -9,14 +9,20 @@ import numpy as np
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.node import Expr, expr
-from raymarch.expr.vocabulary import clamp, dot, length, max, min, vec2, vec3, where
-from raymarch.sdf.definition import cube, shape
+from raymarch.expr.vocabulary import clamp, dot, length, max, min, vec2, vec3, vec4, where
+from raymarch.sdf.definition import cube, radii_about_y, shape
 from raymarch.sdf.domain import Direction, Fits, Length, Positive, Size3, Vec3
 
 __all__ = ["box", "capsule", "cylinder", "plane", "sphere", "torus"]
 
 
-@shape(exactness="exact", bounds=lambda radius: cube(radius), symmetry="xyz", convex=True)
+@shape(
+    exactness="exact",
+    bounds=lambda radius: cube(radius),
+    symmetry="xyz",
+    convex=True,
+    radii=lambda radius: vec4(radius),
+)
 def sphere(p: Expr, radius: Positive = 1.0) -> Expr:
     """Sphere about the origin.
 
@@ -62,6 +68,7 @@ def plane(p: Expr, normal: Direction = (0.0, 1.0, 0.0), offset: Length = 0.0) ->
     exactness="exact",
     bounds=lambda major, minor: cube(vec3(major + minor, minor, major + minor)),
     symmetry="xyz",
+    radii=lambda major, minor: radii_about_y(major + minor, minor, major + minor),
     check=Fits(lambda major, minor: minor <= major, "minor <= major"),
 )
 def torus(p: Expr, major: Positive = 1.0, minor: Positive = 0.25) -> Expr:
@@ -78,6 +85,7 @@ def torus(p: Expr, major: Positive = 1.0, minor: Positive = 0.25) -> Expr:
     bounds=lambda radius, height: cube(vec3(radius, 0.5 * height, radius)),
     symmetry="xyz",
     convex=True,
+    radii=lambda radius, height: radii_about_y(radius, 0.5 * height),
 )
 def cylinder(p: Expr, radius: Positive = 1.0, height: Positive = 2.0) -> Expr:
     """Capped cylinder about the y axis, centred at the origin.
@@ -86,6 +94,11 @@ def cylinder(p: Expr, radius: Positive = 1.0, height: Positive = 2.0) -> Expr:
     """
     q = vec2(length(p.xz) - radius, abs(p.y) - 0.5 * height)
     return length(max(q, 0.0)) + min(max(q.x, q.y), 0.0)
+
+
+def _capsule_radii(a: Any, b: Any, radius: Any) -> Expr:
+    half = 0.5 * (b - a)
+    return vec4(length(half.yz), length(half.xz), length(half.xy), length(half)) + radius
 
 
 def _check_capsule(a: Any, b: Any, radius: Any) -> None:
@@ -97,6 +110,7 @@ def _check_capsule(a: Any, b: Any, radius: Any) -> None:
     exactness="exact",
     bounds=lambda a, b, radius: (min(a, b) - radius, max(a, b) + radius),
     convex=True,
+    radii=_capsule_radii,
     check=_check_capsule,
 )
 def capsule(p: Expr, a: Vec3 = (0.0, -0.5, 0.0), b: Vec3 = (0.0, 0.5, 0.0), radius: Positive = 0.5) -> Expr:

@@ -10,6 +10,7 @@ from raymarch.expr.vocabulary import where
 from raymarch.sdf.definition import Child, definition_of, operator
 from raymarch.sdf.domain import Domain
 from raymarch.sdf.node import Node, all_nodes, method
+from raymarch.sdf.regions import Motion
 
 KINDS = ("camera", "shadow", "reflection")
 """The kinds of rays. Their numbers in a shader are their positions here."""
@@ -24,7 +25,15 @@ Switch = Annotated[bool, Domain(None, holds=bool)]
 
 
 @method
-@operator(exactness="exact", bounds=lambda child: child.box, symmetry="keep", convex=lambda child: child.convex)
+@operator(
+    exactness="exact",
+    bounds=lambda child: child.box,
+    symmetry="keep",
+    convex=lambda child: child.convex,
+    placing="select",
+    radii=lambda child: child.within(),
+    motion=lambda child: Motion(turns=False),
+)
 def visible(p: Expr, child: Child, camera: Switch = True, shadow: Switch = True, reflection: Switch = True) -> Expr:
     """Hide a solid from kinds of rays: for these it is empty space.
 

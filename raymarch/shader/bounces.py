@@ -12,6 +12,7 @@ import numpy as np
 from raymarch.expr.glsl import constant, filled
 from raymarch.expr.node import const
 from raymarch.plan import Plan
+from raymarch.plan.lights import visible
 from raymarch.scene.bsdf import fresnel_dielectric, sample_rough_dielectric
 from raymarch.scene.material import SMOOTH
 from raymarch.shader.bsdf import Reflection
@@ -19,6 +20,9 @@ from raymarch.shader.chunk import Lines, Values
 from raymarch.shader.fog import begin_shade, end_shade
 from raymarch.shader.kinds import set_kind
 from raymarch.shader.surface import geometric_normal_of, material_arguments, surface_interaction_call, visible_side
+
+DIFFUSE_ROUGHNESS = 0.4
+"""Smallest roughness for highlights of lights after a diffuse reflection."""
 
 
 def path_tracing(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> None:
@@ -34,10 +38,15 @@ def path_tracing(text: Lines, plan: Plan, values: Values, reflection: Reflection
         values.functions.append(sample_rough_dielectric if frosted else fresnel_dielectric)
     inner = "    " * glass
     rough = [f"        regularized.material.{n} = max(surface.material.{n}, min_roughness);" for n in plan.bsdf.rough]
-    begin_shade(text, scene, bounces=True)
+    metal, wide = plan.bsdf.metal, [f"surface.material.{name}" for name in plan.bsdf.rough[:1]]
+    least = f"surface.material.{metal} < 1.0 ? {DIFFUSE_ROUGHNESS} : 0.0" if metal else str(DIFFUSE_ROUGHNESS)
+    widest = f"max({wide[0]}, least)" if wide else "least"
+    widened = [f"float least = {least};", f"min_roughness = max(min_roughness, {widest});"]
+    shows = bool(visible(scene))
+    begin_shade(text, plan, values, bounces=True)
     text.template(
         "path",
-        {"SHINES": shines, "GLASS": glass, "FROSTED": frosted, "EMITS": plan.emission is not None},
+        {"SHINES": shines, "GLASS": glass, "FROSTED": frosted, "EMITS": plan.emission is not None, "SHOWS": shows},
         bounces=scene.bounces,
         surface=surface_interaction_call(plan, "ray", "travelled"),
         visible="\n".join(visible_side(plan, "ray", "        ")),
@@ -45,6 +54,7 @@ def path_tracing(text: Lines, plan: Plan, values: Values, reflection: Reflection
         regularized="\n".join(rough),
         shaded="regularized" if shines else "surface",
         inner=inner,
+        widened="\n".join(f"{inner}        {line}" for line in widened),
         sample="\n".join(filled(f"{inner}        BsdfSample found = {reflection.sample()};", f"{inner}        ")),
         solid=geometric_normal_of(plan),
         side="side" if glass else "1.0",
@@ -69,10 +79,17 @@ def tree(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> Non
     none = constant(const(np.zeros(reflection.per_lobe.shape)))
     rough = [f"surface.material.{name}" for name in plan.bsdf.rough if scene.lights and plan.model != "phong"]
     widened = [f"        if ({bounce} > 0) {name} = max({name}, {2.0 * SMOOTH});" for name in rough]
-    begin_shade(text, scene, bounces=True)
+    shows = bool(visible(scene))
+    begin_shade(text, plan, values, bounces=True)
     text.template(
         "whitted",
-        {"GLASS": glass, "MIRRORS": mirrors, "LIGHTS": bool(scene.lights), "EMITS": plan.emission is not None},
+        {
+            "GLASS": glass,
+            "MIRRORS": mirrors,
+            "LIGHTS": bool(scene.lights),
+            "EMITS": plan.emission is not None,
+            "SHOWS": shows,
+        },
         bounces=scene.bounces,
         branches=scene.bounces + 1,
         rays=2 ** (scene.bounces + 1) - 1,
@@ -80,6 +97,9 @@ def tree(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> Non
         visible="\n".join(visible_side(plan, ray, "        ")),
         material=material_arguments(plan),
         lobes=reflection.per_lobe,
+        camera=", true" * shows,
+        reflected=", at.side < 0.0" * shows,
+        refracted=", true" * shows,
         traced=f"{bounce} < {scene.bounces} ? {reflection.traced()} : {none}" if mirrors else none,
         mirrored=reflection.mirrored() if mirrors else "",
         regularized="\n".join(widened),

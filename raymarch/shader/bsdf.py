@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Mapping
 
 from raymarch.expr.function import Function, trace
@@ -12,7 +11,7 @@ from raymarch.expr.types import FLOAT, VEC2, VEC3, Type, struct, vector
 from raymarch.expr.vocabulary import clamp, dot, get, record, vec3, where
 from raymarch.expr.walk import free_variables
 from raymarch.plan import Plan
-from raymarch.scene.bsdf import BSDF, RANDOM, over_dielectric, pdf_lobes, sample_lobes
+from raymarch.scene.bsdf import RANDOM, over_dielectric, pdf_lobes, sample_lobes
 from raymarch.scene.light import LIGHT
 from raymarch.shader.chunk import Values
 
@@ -47,12 +46,9 @@ class Reflection:
         surface = {"surface": var("surface", self.surface)}
         self.prepared: dict[str, Type] = {}
         self.prepared = {name: value.type for name, value in self.bsdf.prepare(*self._at(surface)).items()}
-        known = surface | {name: var(name, type) for name, type in self.prepared.items()}
+        known = surface | {name: var(name, of) for name, of in self.prepared.items()}
         self.lobes = len(self.bsdf.lobes(self._at(known)[0], var("n_dot_v", FLOAT)))
         self._made: dict[str, Function] = {}
-        kinds = {kind for layer in self.bsdf.layers for kind in type(layer).__mro__ if issubclass(kind, BSDF)}
-        methods = [method for kind in kinds for method in vars(kind).values()]
-        self.codes = [method.__code__ for method in methods if inspect.isfunction(method)]
 
     def prepare(self) -> list[str]:
         """The lines that compute what depends on the view alone."""
@@ -197,10 +193,10 @@ class Reflection:
         known |= {n: (type, n) for n, type in self.prepared.items()} | dict(given)
         if name not in self._made:
             types = [(n, type) for n, (type, _) in known.items()]
-            traced = trace(name, lambda *symbols: make(dict(zip(known, symbols, strict=True))), types, *self.codes)
+            traced = trace(name, lambda *symbols: make(dict(zip(known, symbols, strict=True))), types)
             read = free_variables([traced.body])
             params = tuple(p for p in traced.params if p in read)
-            self._made[name] = Function(name, params, traced.body, traced.names)
+            self._made[name] = Function(name, params, traced.body)
             self.values.functions.append(self._made[name])
         return f"{name}({', '.join(known[p.data][1] for p in self._made[name].params)})"
 

@@ -82,7 +82,8 @@ class Values:
         """Variables of the shader that the functions read, such as uniforms."""
 
     def add(self, name: str, value: Expr, where: Location | None) -> None:
-        self.functions.append(Function(name, (), value, where=where))
+        if all(function.name != name for function in self.functions):  # a value may be read in several places
+            self.functions.append(Function(name, (), value, where=where))
 
     def text(self, name: str, value: Expr, where: Location | None) -> str:
         if value.is_constant:

@@ -6,10 +6,12 @@ from raymarch.expr.function import Function
 from raymarch.expr.glsl import literal
 from raymarch.expr.walk import free_variables
 from raymarch.plan import Plan
+from raymarch.plan.lights import visible
 from raymarch.scene.fog import COLOR, LENGTH, ORIGIN, SKY_DISTANCE
 from raymarch.scene.scene import Scene
 from raymarch.scene.sky import DIRECTION, MEAN
-from raymarch.shader.chunk import Chunk, Lines, Mapped
+from raymarch.shader.chunk import Chunk, Lines, Mapped, Values
+from raymarch.shader.lights import visible_light
 
 
 def sky_functions(plan: Plan) -> list[Function]:
@@ -38,12 +40,19 @@ def _applied(scene: Scene, color: str, origin: str, direction: str, length: str)
     return f"apply_fog({', '.join(texts[p] for p in _fog(scene).params)})"
 
 
-def begin_shade(text: Lines, scene: Scene, bounces: bool = False) -> None:
+def begin_shade(text: Lines, plan: Plan, values: Values, bounces: bool = False) -> None:
     """The beginning of `shade`. If `bounces`, `ray` is reused: what the fog reads of it is kept."""
+    scene = plan.scene
+    visible_light(text, plan, values)
     sky = "sky(ray.direction)"
     if scene.fog is not None and scene.fog.covers_sky:
         sky = _applied(scene, sky, "ray.origin", "ray.direction", literal(SKY_DISTANCE))
     text.add("vec3 shade(Ray ray, Hit hit) {")
+    if visible(scene):
+        seen = "shown.rgb"
+        if scene.fog is not None:
+            seen = _applied(scene, seen, "ray.origin", "ray.direction", "shown.w")
+        text.add("    vec4 shown = visible_light(ray, hit, 0.0);", f"    if (shown.w >= 0.0) return {seen};")
     text.add(f"    if (!hit.found) return {sky};")
     if bounces:
         read = _fog(scene).params if scene.fog is not None else ()

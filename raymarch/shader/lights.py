@@ -17,7 +17,10 @@ from raymarch.scene.light import (
     POINT,
     SAMPLE,
     Light,
+    SphereLight,
+    above_horizon,
     eval_disc,
+    part_above_horizon,
     pdf_disc,
     power_heuristic,
     sample_disc,
@@ -39,6 +42,7 @@ def all_lights(text: Lines, plan: Plan, values: Values, reflection: Reflection) 
     if "sampled" in table.kinds:
         values.functions += [sample_disc, *((eval_disc, pdf_disc) if any(light.soft for light in both) else ())]
     values.functions += [power_heuristic] if both else []
+    values.functions += [above_horizon, part_above_horizon] if any(map(_is_cut, plan.scene.lights)) else []
     if lights.as_data(plan.scene):
         _loop(text, plan, reflection)
         return
@@ -57,8 +61,9 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan, reflec
     given = [value(name, of) for name, of in light.emitter_values().items()]
     samples, stride = plan.scene.quality.light_samples, 2 * len(plan.scene.lights)
     disc = light.soft and light.penumbra == "sampled"
-    width = value("softness", light.softness) + _per_distance(light) if disc else ""
-    visibility = _visibility(plan, light, value)
+    width = value("softness", light.disc_width) + _per_distance(light) if disc else ""
+    cut = _is_cut(light)
+    visibility = _visibility(plan, light, value, f"width_{i}" if cut else "")
     both = samples_both(light, plan.scene.materials)
     count = lights.samples_of(plan.scene, light)
     before = plan.occlusion_samples + sum(lights.samples_of(plan.scene, other) for other in plan.scene.lights[:i])
@@ -68,11 +73,19 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan, reflec
         lines = [f"light = {sample};"]
         if disc:
             lines.append(f"light = sample_disc(light, {width}, {_two(dimension)});")
+        if cut:
+            lines += [
+                f"float width_{i} = {value('radius', light.softness)} / light.distance;",
+                f"float part_{i} = {_horizon('part_above_horizon', f'width_{i}')};",
+                f"light = {_horizon('above_horizon', f'width_{i}')};",
+            ]
+            visibility = f"part_{i}" if visibility == "1.0" else f"part_{i} * ({visibility})"
         lines.append(f"color += {reflection.light(visibility)};")
         if plan.lights_split:
             lines = [f"if (first <= {before} && end > {before}) {{", *(f"    {line}" for line in lines), "}"]
     else:
         lines = [f"light = {sample};", f"Light centre_{i} = light;"] if disc else []
+        width = width.replace("light.", f"centre_{i}.")  # that of each sample is shorter
         lines.append(f"for (int k = 0; k < {count}; k++) {{")
         if plan.lights_split:
             lines += [f"    if ({before} + k >= end) break;", f"    if ({before} + k < first) continue;"]
@@ -86,6 +99,55 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan, reflec
     if i == 0:
         lines[:1] = [f"Light {lines[0]}"] if lines[0].startswith("light = ") else ["Light light;", lines[0]]
     text.add(*(f"    {line}" for line in lines), by=by, where=where)
+
+
+def visible_light(text: Lines, plan: Plan, values: Values) -> None:
+    """The function `visible_light`: the radiance of the nearest visible light on a ray that ends at a hit, and in w its
+    distance, which is negative if there is none. Nothing in scenes without such lights.
+
+    A light that touches a surface is in front of it: a hit may lie two epsilons before the surface.
+    """
+    scene, shown = plan.scene, lights.visible(plan.scene)
+    if not shown:
+        return
+    table, by, where = lights.table(scene), "visible=True", shown[0].where
+    text.add("vec4 visible_light(Ray ray, Hit hit, float travelled) {", by=by, where=where)
+    text.add("    float end = hit.found ? hit.t : 1.0e30;", "    vec4 nearest = vec4(0.0, 0.0, 0.0, -1.0);")
+    text.add("    float slack = hit.found ? 2.0 * epsilon(ray.origin + end * ray.direction, travelled + end) : 0.0;")
+    text.add("    LightHit met;")
+    keep = [
+        "if (met.distance > 0.0 && (met.distance - end) * met.cosine < slack) {",
+        "    nearest = vec4(met.radiance, met.distance);",
+        "    end = met.distance;",
+        "    slack = 0.0;",
+        "}",
+    ]
+    if lights.as_data(scene):
+        text.add(f"    for (int i = 0; i < {len(scene.lights)}; i++) {{")
+        if table.headed:
+            text.add(f"        vec4 head = {_texel(plan, 0)};")
+        for k, form in enumerate(table.forms.values()):
+            if form.ray is not None:
+                values.functions.append(form.ray)
+                given = [f"{_texel(plan, texel + table.headed)}.{parts}" for texel, parts in lights.layout(form.types)]
+                text.add(f"        if (head.x == {float(k)}) {{" if table.headed else "        {", by=by, where=where)
+                text.add(f"            met = {_on_ray(form, given)};", *(f"            {line}" for line in keep))
+                text.add("        }")
+        text.add("    }")
+    for i, light in enumerate([] if lights.as_data(scene) else scene.lights):
+        form = table.forms[lights.key(light)]
+        if form.ray is not None:
+            values.functions += [form.ray] * (form.ray not in values.functions)
+            given = [values.text(f"light_{i}_{name}", of, light.where) for name, of in light.emitter_values().items()]
+            text.add(f"    met = {_on_ray(form, given)};", *(f"    {line}" for line in keep), by=by, where=light.where)
+    text.add("    return nearest;", "}", "")
+
+
+def _on_ray(form: lights.Form, values: Sequence[str]) -> str:
+    """The call of a form's `ray`."""
+    assert form.ray is not None
+    given = {POINT: "ray.origin", DIRECTION: "ray.direction"}
+    return f"{form.ray.name}({', '.join([*(given[p] for p in form.ray.params if p in given), *values])})"
 
 
 def _sample(form: lights.Form, values: Sequence[str], dimension: str) -> str:
@@ -145,18 +207,33 @@ def _dimension(light: int) -> int:
 
 
 def _per_distance(light: Light) -> str:
-    """The factor that makes the tangent of an angle of a light's softness."""
+    """The factor that makes a light's `disc_width` the sine of an angle."""
     return " / light.distance" if light.has_position else ""
 
 
-def _visibility(plan: Plan, light: Light, value: Callable[[str, Expr], str]) -> str:
-    """The visibility of a light from the surface, as GLSL text."""
+def _is_cut(light: Light) -> bool:
+    """True if a horizon may cut a light's sphere, which random points of its disc do not show."""
+    return isinstance(light, SphereLight) and not (light.shadow and light.penumbra == "sampled")
+
+
+def _horizon(function: str, width: str) -> str:
+    """The call of `above_horizon` or `part_above_horizon`."""
+    return f"{function}(light, {width}, surface.normal)"
+
+
+def _upright(width: str) -> str:
+    """The width of the part of a sphere above the horizon, after `above_horizon`."""
+    return f"min({width}, dot(surface.normal, light.direction))"
+
+
+def _visibility(plan: Plan, light: Light, value: Callable[[str, Expr], str], cut: str) -> str:
+    """The visibility of a light from the surface, as GLSL text. cut : the width of a sphere that a horizon may cut."""
     shadow = lights.shadow_of(light)
     if shadow is None:
         return "1.0"
     width = ""
     if shadow not in ("hard", "sampled"):
-        width = f", {value('softness', light.softness)}{_per_distance(light)}"
+        width = f", {_upright(cut) if cut else value('softness', light.disc_width) + _per_distance(light)}"
     shown = f"{shadow_function(plan, shadow)}(surface, light{width})"
     radius = getattr(light, "shadow_radius", None)
     return shown if radius is None else f"light.distance < {value('shadow_radius', radius)} ? {shown} : 1.0"
@@ -246,15 +323,25 @@ def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
         if ending:
             add("if (ends && light.radiance == vec3(0.0)) break;")
         add("if (light.radiance == vec3(0.0)) continue;")
-        visibility = "visibility" if kinds else "1.0"
-        if kinds:
+        balls = [f"head.x == {float(k)}" for k, of in enumerate(table.forms) if _has_balls(scene, of)]
+        visibility = "visibility" if kinds or balls else "1.0"
+        if kinds or balls:
             add("float visibility = 1.0;")
         width = _width_of_row(scene)
+        if balls:
+            width = "width"
+            add(f"float width = {_width_of_row(scene)};")
+            sampled = f" && head.y != {float(kinds.index('sampled') + 1)}" if "sampled" in kinds else ""
+            add(f"bool cut = {' || '.join(balls)};" if not sampled else f"bool cut = ({' || '.join(balls)}){sampled};")
+            add(f"float part = cut ? {_horizon('part_above_horizon', 'width')} : 1.0;")
+            add(f"if (cut) light = {_horizon('above_horizon', 'width')};")
+            add(f"if (cut) width = {_upright('width')};")
         for number, kind in enumerate(kinds, 1):
             condition = f"head.y == {float(number)}"
             of = next(light for light in scene.lights if lights.shadow_of(light) == kind)
             if kind == "sampled" and lights.samples_of(scene, of) > 1:
                 add("Light centre = light;")
+                width = width.replace("light.", "centre.")
                 shown = f"{near.removesuffix(' && ')} ? {traced}(surface, light) : 1.0"
                 sample = f"sample_disc(centre, {width}, {_two(dimension(of))})"
                 shown = shown if near else f"{traced}(surface, light)"
@@ -264,14 +351,19 @@ def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
                 add(f"if ({condition}) light = sample_disc(light, {width}, {_two(first)});")
             given = "" if kind in ("hard", "sampled") else f", {width}"
             add(f"if ({near}{condition}) visibility = {shadow_function(plan, kind)}(surface, light{given});")
-        add(f"color += {reflection.light(visibility)};")
+        add(f"color += {reflection.light(f'part * {visibility}' if balls else visibility)};")
     if ending:
         add("if (ends) break;")
     text.add("    }")
 
 
+def _has_balls(scene: Scene, form: lights.Key) -> bool:
+    """True if a horizon may cut lights of a form."""
+    return any(_is_cut(light) for light in scene.lights if lights.key(light) == form)
+
+
 def _width_of_row(scene: Scene) -> str:
-    """The softness of a row. That of a light with a position is a radius, and is divided by the distance."""
+    """The width of a row's disc. That of a light with a position is a radius, and is divided by the distance."""
     positioned = {lights.key(light): light.has_position for light in scene.lights}
     far = [f"head.x == {float(k)}" for k, of in enumerate(lights.table(scene).forms) if not positioned[of]]
     if not far:

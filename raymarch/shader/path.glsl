@@ -37,6 +37,9 @@ $regularized
         else if (side > 0.0) color += weight * emission_at($material);
 #endif
 #endif
+#ifdef SHOWS
+        bool outside = side > 0.0;
+#endif
         if (enters) {
             if (bounce == $bounces) {
                 color += weight * sky(ray.direction);
@@ -79,8 +82,7 @@ $inner        if (found.weight == vec3(0.0)) break;
 $inner        weight *= found.weight;
 $inner        direction = found.direction;
 #ifdef SHINES
-$inner        float least = surface.material.metalness < 1.0 ? 0.4 : 0.0;
-$inner        min_roughness = max(min_roughness, max(surface.material.roughness, least));
+$widened
 #endif
 #ifdef GLASS
         }
@@ -90,6 +92,17 @@ $inner        min_roughness = max(min_roughness, max(surface.material.roughness,
         ray = spawn_ray(surface.p, side_normal, direction, travelled, start);
 $reflects
         hit = trace_secondary(ray, start, travelled, $side);
+#ifdef SHOWS
+        // surfaces find visible lights by themselves, except through glass
+        vec4 shown = visible_light(ray, hit, travelled);
+        if (shown.w >= 0.0) {
+#ifdef GLASS
+            if (side < 0.0) weight *= exp(-absorption * shown.w);
+            if (enters && (!outside || side < 0.0)) color += weight * shown.rgb;
+#endif
+            break;
+        }
+#endif
         if (!hit.found) {
 #ifdef GLASS
             if (side > 0.0) color += weight * sky(direction);

@@ -36,7 +36,7 @@ def shading(plan: Plan, values: Values) -> Chunk:
     if plan.lights_split:
         _split(text, plan, values)
         return _chunk(text, plan, values)
-    begin_shade(text, scene)
+    begin_shade(text, plan, values)
     needs_surface = plan.material is not None
     if needs_surface:
         text.add(f"    Surface surface = {surface_interaction_call(plan, 'ray', 'hit.t')};", *visible_side(plan, "ray"))
@@ -83,7 +83,7 @@ def _split(text: Lines, plan: Plan, values: Values) -> None:
     if scene.lights:
         all_lights(text, plan, values, reflection)
     text.add("    return vec4(color, ambient_visibility);", "}", "")
-    begin_shade(text, scene)
+    begin_shade(text, plan, values)
     text.add("    vec3 color = lit().rgb;")
     end_shade(text, scene, "hit.t", "ray.origin", "ray.direction")
 
@@ -125,7 +125,7 @@ def _occlusion_samples(text: Lines, plan: Plan, values: Values) -> None:
     occlusion = scene.ambient_occlusion
     assert occlusion is not None
     i, missing = var("i", FLOAT), var("missing", FLOAT)
-    sample = occlusion.sample(plan.field, var("u_side", FLOAT), i)
+    sample = occlusion.sample(plan.undivided or plan.field, var("u_side", FLOAT), i)
     values.variables.add("u_side")
     values.functions.append(Function("occlusion_sample", (POINT, NORMAL, i), sample, where=scene.where))
     remaining = occlusion.remaining(missing)
@@ -206,7 +206,7 @@ def _visibility(text: Lines, plan: Plan, values: Values) -> None:
     if occluded(scene, plan.model):
         occlusion = scene.ambient_occlusion
         assert occlusion is not None
-        visibility = occlusion.visibility(plan.field, var("u_side", FLOAT))
+        visibility = occlusion.visibility(plan.undivided or plan.field, var("u_side", FLOAT))
         values.variables.add("u_side")
         values.functions.append(Function("ambient_occlusion", (POINT, NORMAL), visibility, where=scene.where))
         share = "surface.ambient_visibility * " if shares else ""

@@ -1,13 +1,22 @@
 #ifdef GLASS
     Branch waiting[$branches];
     int count = 0;
-    Branch at = Branch(ray, 0.0, vec3(1.0), vec3(0.0), 0.0, 1.0, 0);
+    Branch at = Branch(ray, 0.0, vec3(1.0), vec3(0.0), 0.0, 1.0, 0$camera);
     for (int i = 0; i < $rays; i++) {
         if (i > 0) {
             if (count == 0) break;
             at = waiting[--count];
 $reflects
             hit = trace_secondary(at.ray, at.start, at.travelled, at.side);
+#ifdef SHOWS
+            // surfaces find visible lights by themselves, except through glass
+            vec4 shown = visible_light(at.ray, hit, at.travelled);
+            if (shown.w >= 0.0) {
+                if (at.side < 0.0) at.weight *= exp(-shown.w * at.absorption);
+                if (at.refracted) color += at.weight * shown.rgb;
+                continue;
+            }
+#endif
             if (!hit.found) {
                 if (at.side > 0.0) color += at.weight * sky(at.ray.direction);
                 continue;
@@ -52,12 +61,12 @@ $regularized
         if (!below_cutoff(reflected)) {
             vec3 direction = reflect(at.ray.direction, surface.normal);
             Ray next = spawn_ray(surface.p, $solid, direction, at.travelled, start);
-            waiting[count++] = Branch(next, start, reflected, at.absorption, at.travelled, at.side, at.bounce);
+            waiting[count++] = Branch(next, start, reflected, at.absorption, at.travelled, at.side, at.bounce$reflected);
         }
         if (!below_cutoff(refracted)) {
             vec3 direction = refract(at.ray.direction, surface.normal, ratio);
             Ray next = spawn_ray(surface.p, -$solid, direction, at.travelled, start);
-            waiting[count++] = Branch(next, start, refracted, glass.absorption, at.travelled, -at.side, at.bounce);
+            waiting[count++] = Branch(next, start, refracted, glass.absorption, at.travelled, -at.side, at.bounce$refracted);
         }
     }
 #else
@@ -79,6 +88,9 @@ $regularized
         ray = spawn_ray(surface.p, $solid, direction, travelled, start);
 $reflects
         hit = trace_secondary(ray, start, travelled, 1.0);
+#ifdef SHOWS
+        if (visible_light(ray, hit, travelled).w >= 0.0) break;  // surfaces find it by themselves
+#endif
         if (!hit.found) {
             color += weight * sky(ray.direction);
             break;

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.derivative import companion, gradient
+from raymarch.expr.function import Function
 from raymarch.expr.node import Expr, const
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import min
@@ -22,6 +23,7 @@ from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.facts import Facts
+from raymarch.sdf.levels import may_touch
 from raymarch.sdf.lower import SCENE_INTERACTION, Lowering, material_expressions
 from raymarch.sdf.node import Node
 from raymarch.sdf.visibility import hiding_nodes
@@ -46,6 +48,7 @@ class Field:
 
     plane_normals : gradients of the planes, shape (k, 3); k may be 0.
     certified : False for a field whose exactness is "estimate": its values are not safe steps.
+    touches : True if the field may fall to 0 where there is no surface; see `raymarch.sdf.levels.may_touch`.
     """
 
     rest_box: Facts | None = None
@@ -56,6 +59,7 @@ class Field:
         self._node = scene.node if node is None else node
         self._scene, self._values, self._rays, self._kinds = scene, values, rays, {rays: self}
         self.certified = self._node.exactness != "estimate"
+        self.touches = self.certified and may_touch(self._node)
         self._root_of_rays = root = Lowering(rays=rays).field(self._node)
         p = root.params[0]
         affine, other = _split(root.body, p)
@@ -69,6 +73,25 @@ class Field:
     def _gradient(self) -> Evaluate:
         slope = companion(self._root_of_rays)
         return evaluator([slope.body], slope.params)
+
+    @cached_property
+    def _undivided_root(self) -> Function:
+        if not self._node.facts.divided:
+            return self._root_of_rays
+        return Lowering(rays=self._rays).field(self._node, undivided=True)
+
+    def undivided(self, points: Array) -> NDArray[np.float64]:
+        """The field before it is divided, which effects read as the distance; (N, 3) -> (N,)."""
+        if not self._node.facts.divided:
+            return self.distance(points)
+        root = self._undivided_root
+        return self._numbers(root.once("evaluate", lambda: evaluator([root.body], root.params)), points)[0]
+
+    @property
+    def divisor(self) -> float:
+        """By which it is divided for a step, at most."""
+        facts = self._node.facts
+        return facts.undivided / facts.lipschitz if facts.divided else 1.0
 
     @cached_property
     def _marked(self) -> tuple[list[Expr], Evaluate]:
@@ -121,7 +144,7 @@ class Field:
         """Ambient visibility, (N, 3) -> (N,). normals : unit, (N, 3). side : -1 inside the solid, else 1."""
         occlusion = self._scene.ambient_occlusion
         assert occlusion is not None
-        visibility = occlusion.visibility(self._root_of_rays, const(side))
+        visibility = occlusion.visibility(self._undivided_root, const(side))
         return self._run(evaluator([visibility], [POINT, NORMAL]), points, (), normals)[0]
 
     def material_weights(self, points: Array) -> NDArray[np.float64]:

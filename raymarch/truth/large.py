@@ -27,6 +27,7 @@ from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.blends import FAMILIES, levels
 from raymarch.sdf.facts import Facts
+from raymarch.sdf.levels import may_touch
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
 from raymarch.sdf.rows import Form, Rows
@@ -225,6 +226,7 @@ class LargeField(Field):
         self._node, self._parts = parts.root, parts
         self._scene, self._values, self._rays, self._kinds = scene, values, rays, {rays: self}
         self.certified = self._node.exactness != "estimate"
+        self.touches = self.certified and may_touch(self._node)
         bounded = np.asarray(np.isfinite(Boxes.of(parts.solids).half).all(axis=1))
         self._beside = [node for node, found in zip(parts.solids, bounded, strict=True) if not found]
         self._solids = [node for node, found in zip(parts.solids, bounded, strict=True) if found]
@@ -358,6 +360,22 @@ def _of_form(form: Form) -> Asked:
 
 def _programs(fields: Sequence[Function]) -> tuple[list[Asked], Whole, Whole]:
     """Programs for some fields, and for each field the number of its program and its position in it."""
+    forms, form_of, row_of = numbered_forms(fields)
+    return [_program(*form) for form in forms], form_of, row_of
+
+
+def _program(body: Expr, params: Sequence[Expr], columns: Sequence[Array]) -> Asked:
+    run = evaluator([body], params)
+    return lambda points, rows: run(points, *(column[rows] for column in columns))[0]
+
+
+Numbered: TypeAlias = tuple[Expr, Sequence[Expr], Sequence[Array]]
+"""The field of objects of one form: an expression of the point and of the numbers in which they differ, these as
+parameters, and their values for each object, (n, ...)."""
+
+
+def numbered_forms(fields: Sequence[Function]) -> tuple[list[Numbered], Whole, Whole]:
+    """The forms of some fields, and for each field the number of its form and its position in it."""
     groups: dict[Any, list[tuple[Function, list[Expr]]]] = {}
     form_of, row_of = np.zeros((2, len(fields)), np.int64)
     numbers: dict[Any, int] = {}
@@ -366,7 +384,7 @@ def _programs(fields: Sequence[Function]) -> tuple[list[Asked], Whole, Whole]:
         group = groups.setdefault(form, [])
         form_of[i], row_of[i] = numbers.setdefault(form, len(numbers)), len(group)
         group.append((field, constants))
-    return [_program(*group[0], [constants for _, constants in group]) for group in groups.values()], form_of, row_of
+    return [_numbered(*group[0], [constants for _, constants in group]) for group in groups.values()], form_of, row_of
 
 
 def _numbers_in(node: Expr) -> list[bool]:
@@ -390,7 +408,7 @@ def _form_of(body: Expr) -> tuple[Any, list[Expr]]:
     return tuple(form), constants
 
 
-def _program(field: Function, constants: Sequence[Expr], all_constants: Sequence[Sequence[Expr]]) -> Asked:
+def _numbered(field: Function, constants: Sequence[Expr], all_constants: Sequence[Sequence[Expr]]) -> Numbered:
     """The field of objects of one form, from its expression for the first of them."""
     leaves: list[Expr] = []
     columns: list[Array] = []
@@ -409,5 +427,4 @@ def _program(field: Function, constants: Sequence[Expr], all_constants: Sequence
         own = _numbers_in(node)
         args = tuple([next(following) if c else made[a] for a, c in zip(node.args, own, strict=True)])
         made[node] = rebuild(node, args) if node.args else node
-    run = evaluator([made[field.body]], [*field.params, *leaves])
-    return lambda points, rows: run(points, *(column[rows] for column in columns))[0]
+    return made[field.body], [*field.params, *leaves], columns

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.expr.arrays import bound, evaluator
-from raymarch.expr.node import var
+from raymarch.expr.node import Expr, var
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import get, record
 from raymarch.expr.walk import free_variables, substitute
@@ -23,9 +23,12 @@ from raymarch.scene.light import (
     POINT,
     SAMPLE,
     Light,
+    above_horizon,
     density_of,
     eval_disc,
+    part_above_horizon,
     pdf_disc,
+    ray_hit_of,
     sample_disc,
     sample_of,
 )
@@ -91,12 +94,22 @@ def area_samples(light: Light) -> list[tuple[float, float]]:
     return [((i + 0.5) / side, (j + 0.5) / side) for i in range(side) for j in range(side)]
 
 
-_DIRECTION, _RADIANCE, _WIDTH = var("direction", VEC3), var("radiance", VEC3), var("width", FLOAT)
-_CENTRE, _GIVEN = record(LIGHT, _DIRECTION, 0.0, _RADIANCE), [_DIRECTION, _RADIANCE, _WIDTH]
-_DISC = sample_disc(_CENTRE, _WIDTH, SAMPLE)
-_DISC_MET = evaluator([get(eval_disc(_CENTRE, _WIDTH, DIRECTION), "radiance")], [*_GIVEN, DIRECTION])
+_DIRECTION, _DISTANCE, _RADIANCE = var("direction", VEC3), var("distance", FLOAT), var("radiance", VEC3)
+_WIDTH, _NORMAL = var("width", FLOAT), var("normal", VEC3)
+_CENTRE, _GIVEN = record(LIGHT, _DIRECTION, _DISTANCE, _RADIANCE), [_DIRECTION, _DISTANCE, _RADIANCE, _WIDTH]
+
+
+def _parts(light: Expr) -> list[Expr]:
+    return [get(light, name) for name in ("direction", "distance", "radiance")]
+
+
+_DISC_MET = evaluator(_parts(eval_disc(_CENTRE, _WIDTH, DIRECTION)), [*_GIVEN, DIRECTION])
 _DISC_DENSITY = evaluator([pdf_disc(_CENTRE, _WIDTH, DIRECTION)], [*_GIVEN, DIRECTION])
-_POINT_OF_DISC = evaluator([get(_DISC, "direction"), get(_DISC, "radiance")], [*_GIVEN, SAMPLE])
+_POINT_OF_DISC = evaluator(_parts(sample_disc(_CENTRE, _WIDTH, SAMPLE)), [*_GIVEN, SAMPLE])
+_ABOVE = evaluator(
+    [*_parts(above_horizon(_CENTRE, _WIDTH, _NORMAL)), part_above_horizon(_CENTRE, _WIDTH, _NORMAL)],
+    [*_GIVEN, _NORMAL],
+)
 
 
 def met_by(light: Light, values: Values, points: Array, far: float, directions: Array) -> Incoming:
@@ -123,43 +136,74 @@ def light_density(light: Light, values: Values, points: Array, incident: Incomin
 
 def disc_met(incident: Incoming, width: Array, directions: Array) -> Incoming:
     """The light of a disc from some directions, (N, 3)."""
-    radiance = _DISC_MET(incident.direction, incident.radiance, width, directions)[0]
-    return Incoming(directions, incident.distance, radiance)
+    return Incoming(*_DISC_MET(incident.direction, incident.distance, incident.radiance, width, directions))
 
 
 def disc_density(centre: Incoming, width: Array, incident: Incoming) -> Array:
     """The density of the points of a disc, (N,)."""
-    return np.asarray(_DISC_DENSITY(centre.direction, centre.radiance, width, incident.direction)[0])
+    return np.asarray(_DISC_DENSITY(centre.direction, centre.distance, centre.radiance, width, incident.direction)[0])
 
 
 def disc_samples(incident: Incoming, width: Array) -> Iterator[Incoming]:
     """The same light from evenly spread points of its disc; `width` is the sine of its angular radius, (N,)."""
     for k in range(DISC_SAMPLES):
         u = np.broadcast_to(((k + 0.5) / DISC_SAMPLES, (k * GOLDEN_ANGLE + 0.25) % 1.0), (len(width), 2))
-        direction, radiance = _POINT_OF_DISC(incident.direction, incident.radiance, width, u)
-        yield Incoming(direction, incident.distance, radiance)
+        yield Incoming(*_POINT_OF_DISC(incident.direction, incident.distance, incident.radiance, width, u))
+
+
+def of_sphere(incident: Incoming, width: Array, normals: Array) -> tuple[Incoming, Array]:
+    """The light of a sphere that horizons may cut, and the part of it above them, (N,)."""
+    *found, part = _ABOVE(incident.direction, incident.distance, incident.radiance, width, normals)
+    return Incoming(*found), part
+
+
+def lights_shown(
+    lights: Sequence[Light], values: Values, origins: Array, directions: Array, ends: Array
+) -> tuple[Array, Array]:
+    """Radiance, (N, 3), and distance of the nearest visible light before the end of each ray, (N,); inf for none.
+
+    A light that touches a surface is in front of it.
+    """
+    color, nearest = np.zeros_like(directions), np.full(len(directions), np.inf)
+    for light in lights:
+        hit = ray_hit_of(light, light.emitter_values())
+        if hit is None:
+            continue
+        with bound(values.params, values.time):
+            found = evaluator([*hit], [POINT, DIRECTION])
+            distance, _, radiance = found(np.broadcast_to(origins, directions.shape), directions)
+        distance = np.broadcast_to(distance, ends.shape)
+        first = (distance > 0.0) & (distance < nearest) & (distance <= ends * (1.0 + 1e-6))
+        color[first], nearest[first] = np.broadcast_to(radiance, color.shape)[first], distance[first]
+    return color, nearest
 
 
 def soft_visibility(
-    light: Light, values: Values, field: Callable[[Array], Array], rays: Rays, box: Facts, near: Array, end: Array
+    penumbra: str,
+    width: Array,
+    field: Callable[[Array], Array],
+    rays: Rays,
+    box: Facts,
+    near: Array,
+    end: Array,
+    divisor: float = 1.0,
 ) -> Array:
-    """Visible fraction of a soft light along each ray, (N,), by the light's `penumbra`.
+    """Visible fraction of a soft light along each ray, (N,), by a method of `penumbra`.
 
-    field : distances, positive outside. near : start of the rays, > 0. end : distance of the light.
+    width : sine of the light's angular radius, (N,). field : distances, positive outside; over the divisor they are
+    safe steps. near : start of the rays, > 0. end : distance of the light.
 
     These forms approximate the visible fraction of the disc. They are evaluated with the steps of the shader, in
     float64. `tests/truth/test_truth_soft_shadows.py` measures their errors against the disc.
     """
-    width = values.of(light.softness) / (np.maximum(end, 1e-300) if light.has_position else 1.0)
-    width = np.broadcast_to(width, end.shape)
     s, stop = _inside_cone(rays, box, width, near, end)
-    rule = {"two-sided": _TwoSided, "cone": _Cone, "triangulated": _Triangulated}[light.penumbra](len(end))
+    rule = {"two-sided": _TwoSided, "cone": _Cone, "triangulated": _Triangulated}[penumbra](len(end))
     row = np.flatnonzero(s < stop)
     for _ in range(MAX_STEPS):
         if not row.size:
             break
         r = field(rays.at(row, s[row]))
-        s[row] += rule.step(row, r, s[row], width[row], near[row])
+        s[row] += rule.step(row, r, r / divisor, s[row], width[row], near[row])
         row = row[(rule.least[row] > -1.0) & (s[row] < stop[row])]
     return rule.visibility()
 
@@ -170,11 +214,11 @@ class _Cone:
     def __init__(self, n: int) -> None:
         self.least = np.ones(n)
 
-    def step(self, row: NDArray[Any], r: Array, s: Array, width: Array, near: Array) -> Array:
-        """Update with the distances r at s on some rays; returns the length of the next step."""
+    def step(self, row: NDArray[Any], r: Array, safe: Array, s: Array, width: Array, near: Array) -> Array:
+        """Update with the distances r at s on some rays, and safe steps there; returns the length of the next step."""
         least = np.minimum(self.least[row], r / (width * s))
         self.least[row] = np.where(r <= 0.125 * near, -1.0, least)
-        return r
+        return safe
 
     def visibility(self) -> Array:
         """Visible fraction of the light, (N,)."""
@@ -187,25 +231,26 @@ class _Triangulated(_Cone):
 
     def __init__(self, n: int) -> None:
         super().__init__(n)
-        self.last = np.zeros(n)
+        self.last, self.before = np.zeros(n), np.ones(n)
 
-    def step(self, row: NDArray[Any], r: Array, s: Array, width: Array, near: Array) -> Array:
+    def step(self, row: NDArray[Any], r: Array, safe: Array, s: Array, width: Array, near: Array) -> Array:
         last = self.last[row]
-        back = np.where(last > 0.0, r * r / (2.0 * np.where(last > 0.0, last, 1.0)), 0.0)
-        back = np.where(back > last, 0.0, back)
+        z = np.where(last > 0.0, self.before[row], 1.0)
+        back = np.where(last > 0.0, 0.5 * (z + (r - last) * (r + last) / z), 0.0)
+        back = np.where((back < 0.0) | (back > np.minimum(z, np.abs(r))), 0.0, back)
         found = np.sqrt(np.maximum(r * r - back * back, 0.0)) / (width * np.maximum(s - back, near))
         self.least[row] = np.where(r <= 0.125 * near, -1.0, np.minimum(self.least[row], found))
-        self.last[row] = r
-        return r
+        self.last[row], self.before[row] = r, safe
+        return safe
 
 
 class _TwoSided(_Cone):
     """`_Cone` with signed clearance: negative inside of an occluder."""
 
-    def step(self, row: NDArray[Any], r: Array, s: Array, width: Array, near: Array) -> Array:
+    def step(self, row: NDArray[Any], r: Array, safe: Array, s: Array, width: Array, near: Array) -> Array:
         reach = width * s
         self.least[row] = np.maximum(np.minimum(self.least[row], r / reach), -1.0)
-        result: Array = np.maximum(np.maximum(0.5 * np.abs(r), r - width * (s + r)), 0.05 * reach)
+        result: Array = np.maximum(np.maximum(0.5 * np.abs(safe), safe - width * (s + safe)), 0.05 * reach)
         return result
 
     def visibility(self) -> Array:
@@ -215,7 +260,7 @@ class _TwoSided(_Cone):
 
 
 def _inside_cone(rays: Rays, box: Facts, width: Array, near: Array, end: Array) -> tuple[Array, Array]:
-    """Distances at which cones about the rays enter and leave a box; `width` is the tangent of their half angle."""
+    """Distances at which cones about the rays enter and leave a box; `width` is the sine of their half angle."""
     start, stop = near.copy(), end.copy()
     for axis in range(3):
         o, d = rays.origins[:, axis], rays.directions[:, axis]

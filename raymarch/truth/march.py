@@ -41,6 +41,12 @@ DOUBLING = 250
 """Creeping samples after which the allowed gap doubles; after 26 times as many it is the whole distance."""
 RISE = 0.9
 """Largest slope in an estimate; the true slope stays below 1, where the next sample would be at infinity."""
+STEPS_BEHIND = tuple(4.0 ** np.arange(2, 22))
+"""Distances behind a root at which `first_crossing` takes samples, in rounding errors."""
+MOST_TOUCHED = 64
+"""Largest number of roots of a line that `first_crossing` passes: one that lies in a membrane touches it all along."""
+AT_ONCE = 1e-7
+"""Distance behind a root, over the distance of the root, at which a sample decides for nearly all."""
 LEAPS = ((48, 64), (16, 16))
 """After so many samples one by one, a ray takes so many at once. Most rays end before; for the few that are left, the
 calls of NumPy take longer than the evaluation. The counts depend on no other ray, so a root does not either."""
@@ -320,6 +326,37 @@ def first_root_of_estimate(value: Value, lines: Lines) -> Roots:
         roots = found.finish(value)
     roots.gap[:] = np.inf
     return roots
+
+
+def first_crossing(search: Callable[[Value, Lines], Roots], value: Value, lines: Lines) -> Roots:
+    """The first root of each function behind which it is negative. Roots at which it only touches 0 are passed.
+
+    search : the search for a root. The first value behind a root that is more than rounding errors decides.
+    """
+    found = search(value, lines)
+    rows = np.flatnonzero(np.isfinite(found.t))
+    for _ in range(MOST_TOUCHED):
+        noise = lines.noise(rows, found.t[rows])
+        open_, touched, behind = np.arange(len(rows)), np.zeros(rows.shape, bool), found.t[rows]
+        for step in (None, *STEPS_BEHIND):
+            row, t = rows[open_], found.t[rows[open_]]
+            c = t + (AT_ONCE * (lines.travelled[row] + t) if step is None else step * noise[open_])
+            r = value(row, c)
+            found.evaluations[row] += 1
+            inside, outside = r < -noise[open_], (r > 2.0 * noise[open_]) & (step is not None)
+            behind[open_], touched[open_] = c, ~inside
+            open_ = open_[~inside & ~outside]
+        rows, behind = rows[touched], behind[touched]
+        if not rows.size:
+            return found
+        rest = Lines(behind, lines.end[rows], lines.size[rows], lines.travelled[rows])
+        again = search(lambda i, t, rows=rows: value(rows[i], t), rest)  # type: ignore[misc]
+        found.t[rows] = again.t
+        found.evaluations[rows] += again.evaluations
+        found.gap[rows] += again.gap
+        rows = rows[np.isfinite(again.t)]
+    found.t[rows] = np.inf
+    return found
 
 
 class _Found:

@@ -104,17 +104,13 @@ class Boxes:
         return Boxes(*(np.concatenate([getattr(part, v) for part in parts]) for v in ("middle", "half", "rise")))
 
 
-MOTIONS = ("hard_union", "labelled", "translate", "rotate_about", "scale_evenly")
-"""Operators that keep the distance outside of a solid a distance."""
-
-
 def rises_fully(node: Node) -> bool:
     """True if the field is the distance outside of the solid: unions of exact solids are, although bounds inside."""
     pending = [node]
     while pending:
         each = pending.pop()
         if each.facts.exactness != "exact":
-            if each.definition.name not in MOTIONS:
+            if each.definition is not UNION and each.placed_as not in ("rigid", "scale"):
                 return False
             pending += each.children
     return True
@@ -174,7 +170,7 @@ class Parts:
 
 def _like(node: Node, children: Sequence[Node]) -> Node:
     made = Node(node.definition, tuple(children), node.params, node.facts, node.label)
-    made.where, made.variable = node.where, node.variable
+    made.where = node.where
     return made
 
 
@@ -210,7 +206,7 @@ def some_rows(node: Node, kept: Whole | Sequence[int]) -> Node | None:
             forms.append(replace(form, numbers=tuple(number[mine] for number in form.numbers), **arrays))
         first += len(form)
     made: Node = instanced(Rows(tuple(forms), rows.materials, rows.k, rows.family))
-    made.where, made.variable = node.where, node.variable
+    made.where = node.where
     return made
 
 

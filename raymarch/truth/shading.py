@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.scene.bsdf import bsdf_of, samples_both
-from raymarch.scene.light import Light, PointLight, power_heuristic
+from raymarch.scene.light import Light, PointLight, SphereLight, has_disc, power_heuristic
 from raymarch.scene.parameter import Values
 from raymarch.scene.relief import shading_normal
 from raymarch.scene.scene import Scene
@@ -31,6 +31,7 @@ from raymarch.truth.light import (
     light_density,
     lobe_numbers,
     met_by,
+    of_sphere,
     soft_visibility,
 )
 from raymarch.truth.march import GAP, NOISE
@@ -196,9 +197,15 @@ class Surface:
         """Reflected light of one emitter: of a light with an area or a sampled penumbra, the mean over points of it."""
         chosen = area_samples(light)
         centres = (incoming(light, self.values, self.points, self.far, u) for u in chosen)
-        if samples_both(light, self.scene.materials):
+        if samples_both(light, self.scene.materials, self.scene.bouncing):
             return self._from_both(light, centres, len(chosen))
-        several = len(chosen) * (DISC_SAMPLES if _has_disc(light) else 1)
+        if isinstance(light, SphereLight) and not self._has_disc(light):
+            centre = next(centres)
+            width = self._width(light, centre)
+            incident, part = of_sphere(centre, width, self.shading_normals)
+            upright = np.minimum(width, np.einsum("ij,ij->i", self.shading_normals, incident.direction))
+            return self._reflected(light, incident, upright, part)
+        several = len(chosen) * (DISC_SAMPLES if self._has_disc(light) else 1)
         samples = (self._reflected(light, part) for centre in centres for part in self._points(light, centre))
         return sum(samples, np.zeros_like(self.points)) / several
 
@@ -208,7 +215,7 @@ class Surface:
         met: Callable[[Array], Incoming] = partial(met_by, light, self.values, points, self.far)
         density: Callable[[Incoming], Array] = partial(light_density, light, self.values, points)
         samples = centres
-        if _has_disc(light):
+        if self._has_disc(light):
             centre = next(centres)
             width = self._width(light, centre)
             count, samples = DISC_SAMPLES, disc_samples(centre, width)
@@ -227,25 +234,40 @@ class Surface:
 
     def _width(self, light: Light, incident: Incoming) -> Array:
         """The sine of the angular radius of a light's disc, (N,)."""
-        width = self.values.of(light.softness)
+        width = self.values.of(light.disc_width)
         spread = width / np.maximum(incident.distance, 1e-300) if light.has_position else width
         return np.broadcast_to(spread, incident.distance.shape)
 
     def _points(self, light: Light, incident: Incoming) -> Iterable[Incoming]:
         """The points of a light's disc, or the light itself."""
-        return disc_samples(incident, self._width(light, incident)) if _has_disc(light) else [incident]
+        return disc_samples(incident, self._width(light, incident)) if self._has_disc(light) else [incident]
 
-    def _reflected(self, light: Light, incident: Incoming) -> Array:
-        """Reflected light from one direction, and the light that arrives from all directions."""
+    def _has_disc(self, light: Light) -> bool:
+        """True if random points of a light's disc cast its shadow."""
+        return has_disc(light, self.scene.bouncing)
+
+    def _reflected(
+        self, light: Light, incident: Incoming, width: Array | None = None, part: Array | float = 1.0
+    ) -> Array:
+        """Reflected light from one direction, and the light that arrives from all directions.
+
+        width : sine of the light's angular radius, (N,); None for that of its whole disc. part : of the light that
+        arrives from that direction.
+        """
+        width = self._width(light, incident) if width is None else width
         n_dot_l = np.einsum("ij,ij->i", self.shading_normals, incident.direction)
-        visible = self._visibility(light, incident, (n_dot_l > 0.0) & incident.radiance.any(axis=1))[:, None]
+        needed = (n_dot_l > 0.0) & incident.radiance.any(axis=1)
+        visible = (part * self._visibility(light, incident, needed, width))[:, None]
         value, ambient = self._regularized.eval(incident.direction)
         dimmed = self.material_values["ambient_visibility"] * self._ambient_occlusion * ambient
         result: Array = incident.radiance * (dimmed + visible * value)
         return result
 
-    def _visibility(self, light: Light, incident: Incoming, needed: NDArray[Any]) -> Array:
-        """Visible fraction of a light, 0 to 1. It is 0 where not `needed`, if the light has a shadow."""
+    def _visibility(self, light: Light, incident: Incoming, needed: NDArray[Any], width: Array) -> Array:
+        """Visible fraction of a light, 0 to 1. It is 0 where not `needed`, if the light has a shadow.
+
+        The rays end before what touches the light. width : sine of its angular radius, (N,).
+        """
         if not light.shadow:
             return np.ones(len(needed))
         visible = np.zeros(len(needed))
@@ -258,12 +280,13 @@ class Surface:
             return visible
         offset = self.offset[row]
         rays = Rays(self.points[row] + offset[:, None] * self.shading_normals[row], incident.direction[row])
-        box, end = self.scene.node.facts, incident.distance[row]
+        box, end = self.scene.node.facts, incident.distance[row] - 64.0 * offset
         blocking = self.field.of("shadow")
-        if light.soft and light.penumbra != "sampled":
+        if light.soft and not self._has_disc(light):
             side = -1.0 if self.inside else 1.0
+            reading, divisor = blocking.undivided, blocking.divisor
             visible[row] = soft_visibility(
-                light, self.values, lambda points: side * blocking.distance(points), rays, box, offset, end
+                light.penumbra, width[row], lambda points: side * reading(points), rays, box, offset, end, divisor
             )
         else:
             visible[row] = unblocked(blocking, rays, box, end, self.depth[row], self.inside)
@@ -280,8 +303,3 @@ class Surface:
         size = np.linalg.norm(self.origin, axis=-1) + self.depth
         offset: Array = np.maximum(GAP * self.depth, 64 * NOISE * size)
         return offset
-
-
-def _has_disc(light: Light) -> bool:
-    """True if random points of a light's disc cast its shadow."""
-    return light.soft and light.penumbra == "sampled"

@@ -18,9 +18,9 @@ from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.scene import Scene, as_scene
 from raymarch.sdf.node import Node
 from raymarch.truth.field import Field
-from raymarch.truth.fog import sky_seen
+from raymarch.truth.fog import fogged, sky_seen
 from raymarch.truth.large import field_of
-from raymarch.truth.light import GOLDEN_ANGLE
+from raymarch.truth.light import GOLDEN_ANGLE, lights_shown
 from raymarch.truth.march import Roots
 from raymarch.truth.rays import Rays, camera_rays, lens_rays
 from raymarch.truth.shading import Surface
@@ -57,6 +57,7 @@ class Truth:
     direction: NDArray[np.float64]
     _surfaces: Sequence[tuple[NDArray[np.intp], Surface]] = field(repr=False)
     _sky: NDArray[np.float64] = field(repr=False)
+    _shown: tuple[NDArray[np.bool_], NDArray[np.float64]] | None = field(repr=False, default=None)
     _mean: Callable[[], NDArray[np.float64]] | None = field(repr=False, default=None)
     _finish: Callable[[NDArray[np.float64]], NDArray[np.float64]] = field(repr=False, default=lambda color: color)
 
@@ -85,14 +86,20 @@ class Truth:
 
     @cached_property
     def color(self) -> NDArray[np.float64]:
-        """(H, W, 3), linear RGB, >= 0, unbounded above; the colour of the sky where nothing was hit."""
+        """(H, W, 3), linear RGB, >= 0, unbounded above; the colour of the sky where nothing was hit.
+
+        Visible lights are in the colour alone: the other arrays are those of the solids behind them.
+        """
         if self._mean is not None:
             return self._finish(self._mean())
 
         def seen(surface: Surface) -> NDArray[np.float64]:
             return surface.apply_fog(radiance(surface) if surface.scene.whitted else surface.light())
 
-        return self._finish(self._picture(seen, self._sky))
+        color = self._picture(seen, self._sky)
+        if self._shown is not None:
+            color[self._shown[0]] = self._shown[1]
+        return self._finish(color)
 
     def _picture(self, values_of: Callable[[Surface], Any], background: Any) -> NDArray[Any]:
         values = [(rows, values_of(surface)) for rows, surface in self._surfaces]
@@ -242,6 +249,10 @@ def trace(
         surface = Surface(scene, values, scene_field, *along, far, inside, pixel, parallel=pose.orthographic)
         residual[rows] = np.abs(scene_field.distance(surface.points))
         surfaces.append((rows, surface))
+    light, distance = lights_shown(scene.lights, values, rays.origins, rays.directions, roots.t)
+    lit = np.isfinite(distance)
+    origins = np.broadcast_to(rays.origins, rays.directions.shape)[lit]
+    shown = fogged(scene, values, light[lit], origins, rays.directions[lit], distance[lit]) if lit.any() else None
     return Truth(
         depth=roots.t.reshape(shape),
         hit=np.isfinite(roots.t).reshape(shape),
@@ -253,6 +264,7 @@ def trace(
         direction=rays.directions.reshape(*shape, 3),
         _surfaces=surfaces,
         _sky=sky_seen(scene, values, rays.origins, rays.directions).reshape(*shape, 3),
+        _shown=None if shown is None else (lit.reshape(shape), shown),
     )
 
 

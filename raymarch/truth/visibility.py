@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from raymarch.sdf.facts import Facts
 from raymarch.truth.field import Field
-from raymarch.truth.march import Lines, Roots, first_root, first_root_of_estimate
+from raymarch.truth.march import Lines, Roots, first_crossing, first_root, first_root_of_estimate
 from raymarch.truth.rays import Rays
 
 
@@ -23,6 +24,8 @@ def first_hits(field: Field, rays: Rays, lines: Lines, inside: bool) -> Roots:
     them. It ends at the root of the nearest plane.
     """
     search = first_root if field.certified else first_root_of_estimate
+    if field.touches:
+        search = partial(first_crossing, search)
     if inside:
         return search(lambda rows, t: -field.distance(rays.at(rows, t)), lines)
     plane = _planes(field, rays, lines)

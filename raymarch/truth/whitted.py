@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from raymarch.scene.bsdf import fresnel_dielectric
 from raymarch.scene.material import SMOOTH
 from raymarch.truth.bsdf import values_of
+from raymarch.truth.light import lights_shown
 from raymarch.truth.rays import Rays
 from raymarch.truth.shading import Surface
 from raymarch.truth.visibility import first_hits
@@ -80,6 +81,14 @@ def _trace_secondary(surface: Surface, weight: Array, directions: Array, depth: 
     seen = surface.field.of("reflection")
     roots = first_hits(seen, rays, lines, inside)
     hit = np.isfinite(roots.t)
+    # surfaces find visible lights by themselves, except through glass
+    light, distance = lights_shown(surface.scene.lights, surface.values, rays.origins, rays.directions, roots.t)
+    shown = np.isfinite(distance)
+    if crosses or surface.in_glass:
+        absorbed = _absorption(surface)[row[shown]] if in_glass else 0.0
+        color[row[shown]] = np.exp(-absorbed * distance[shown, None]) * light[shown]
+    row, hit, rays = row[~shown], hit[~shown], Rays(rays.origins[~shown], rays.directions[~shown])
+    roots = replace(roots, t=roots.t[~shown])
     if not in_glass:
         color[row[~hit]] = surface.scene.sky.radiance_along(rays.directions[~hit], surface.values)
     if not hit.any():

@@ -7,10 +7,14 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from raymarch.errors import SceneError
+from raymarch.expr.convert import integer, real, short
 from raymarch.scene.quality import NOT_MARCHING, PRESETS, PROMISED, Quality
 
 MARCHING = tuple(f.name for f in fields(Quality) if f.name not in NOT_MARCHING)
 """The fields of `Quality` that a stop sets."""
+
+
+MEASURED = "a file that raymarch cost --json wrote"
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,29 +60,28 @@ def measured_stops(found: Mapping[str, Any]) -> tuple[Stop, ...]:
     Only settings count that find every hit and differ from the scene's own in the march alone. Each is more exact than
     the faster ones by a tenth at least.
     """
-    legal = "a file that raymarch cost --json wrote"
     try:
         base = found["points"][0]
-        size = (int(found["size"][0]), int(found["size"][1]))
+        size = (integer("size", found["size"][0], 1, 1 << 20), integer("size", found["size"][1], 1, 1 << 20))
         usable = [p for p in found["points"] if _is_usable(p, base)]
         points = [
             Stop(
-                str(p["preset"] or p["name"]),
+                short(p["preset"] or p["name"])[1:-1],
                 {n: getattr(Quality(**p["quality"]), n) for n in MARCHING},
-                float(p["errors"]["pixels_p99"]),
-                float(p["milliseconds"]["median"]),
+                real("pixels_p99", p["errors"]["pixels_p99"], 0.0),
+                real("milliseconds", p["milliseconds"]["median"], 0.0),
                 size,
             )
             for p in usable
         ]
-    except (KeyError, TypeError, ValueError, IndexError, SceneError) as fault:
-        raise SceneError(f"these measurements cannot be used: {fault}", legal=legal) from None
+    except (LookupError, TypeError, ValueError, AttributeError, SceneError) as fault:
+        raise SceneError(f"these measurements cannot be used: {fault}", legal=MEASURED) from None
     stops: list[Stop] = []
     for stop in sorted(points, key=lambda s: (s.milliseconds or 0.0, s.error)):
         if not stops or stop.error <= 0.9 * stops[-1].error:
             stops.append(stop)
     if not stops:
-        raise SceneError("no setting of these measurements finds every hit", legal=legal)
+        raise SceneError("no setting of these measurements finds every hit", legal=MEASURED)
     return tuple(stops)
 
 

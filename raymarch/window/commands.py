@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from raymarch.errors import RaymarchError
+from raymarch.errors import RaymarchError, SceneError
+from raymarch.files import written
 from raymarch.gpu.views import VIEWS
 from raymarch.window import control
 from raymarch.window.accuracy import next_stop
@@ -361,11 +362,11 @@ def continue_sequence(model: Model) -> None:
         model.request(SavePicture(file, series.first + series.done / series.fps))
 
 
-def saved(model: Model, file: Path, fault: OSError | None = None) -> None:
+def saved(model: Model, file: Path, fault: SceneError | None = None) -> None:
     """A picture was saved, or could not be."""
     series = model.sequence if model.sequence is not None and model.sequence.folder == file.parent else None
     if fault is not None:
-        model.notice(f"cannot write {file}: {fault.strerror or fault}")
+        model.notice(fault.what)
         model.sequence = None if series else model.sequence
     elif series is None:
         model.notice(f"saved {file}")
@@ -382,8 +383,9 @@ def save_settings(model: Model) -> None:
     """Save the settings for `raymarch view --settings`."""
     file = _free(model, ".view.json")
     try:
-        file.write_text(json.dumps(model.state.settings(), indent=2) + "\n", encoding="utf-8")
-    except OSError as fault:
+        with written(file) as partial:
+            partial.write_text(json.dumps(model.state.settings(), indent=2) + "\n", encoding="utf-8")
+    except SceneError as fault:
         saved(model, file, fault)
     else:
         saved(model, file)

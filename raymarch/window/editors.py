@@ -61,9 +61,9 @@ class Editors:
         for name, values in edits.OPTIONS.items():
             if name in light.values:
                 now = light.values[name]
-                if name == "shadow":
-                    chosen = self._imgui.checkbox(f"shadow##{light.number}", now)[1]
-                    fields.mark(f"shadow {light.number}")
+                if isinstance(now, bool):
+                    chosen = self._imgui.checkbox(f"{name}##{light.number}", now)[1]
+                    fields.mark(f"{name} {light.number}")
                 else:
                     chosen = fields.choice(f"{name}##{light.number}", values, now, f"{name} {light.number}")
                 changed = changed if chosen == now else changed.with_value(name, chosen)

@@ -49,7 +49,11 @@ LIGHT_RANGES: Mapping[str, Range] = {
 }
 """Ranges of the values of lights; the others have none. The softness of a sun ends at 1."""
 
-OPTIONS: Mapping[str, tuple[Any, ...]] = {"shadow": (False, True), "penumbra": PENUMBRAS}
+OPTIONS: Mapping[str, tuple[Any, ...]] = {
+    "shadow": (False, True),
+    "penumbra": PENUMBRAS,
+    "visible": (False, True),
+}
 """Values of lights that are chosen, not moved."""
 
 RANGES: dict[str, Range] = {

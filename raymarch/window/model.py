@@ -209,7 +209,8 @@ class Model:
     @property
     def panel_width(self) -> int:
         """Width of the panel in pixels; 0 while it is hidden."""
-        return round(min(PANEL * self.density, 0.6 * self.size[0])) if self.panel else 0
+        width = round(min(PANEL * self.density, 0.6 * self.size[0]))
+        return max(min(width, self.size[0] - 1), 0) if self.panel else 0
 
     @property
     def area(self) -> tuple[int, int]:

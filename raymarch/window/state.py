@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,16 +10,19 @@ from typing import Any
 import numpy as np
 
 from raymarch.errors import RaymarchError, SceneError
+from raymarch.expr.convert import choice, real
 from raymarch.expr.walk import find
 from raymarch.gpu.views import VIEWS
 from raymarch.scene.camera import Pose
-from raymarch.scene.parameter import Spec, Value, Values, set_values
+from raymarch.scene.parameter import LEAST_LENGTH, MOST_LENGTH, Spec, Value, Values, set_values
 from raymarch.scene.scene import Scene
 from raymarch.window import control
 from raymarch.window.control import View
 from raymarch.window.edits import Edits
 from raymarch.window.shot import Shot, progressive
 from raymarch.window.timeline import Timeline
+
+SAVED_SETTINGS = "a file that the window saved"
 
 
 @dataclass(slots=True)
@@ -147,27 +149,25 @@ class State:
         """Apply a result of `settings`. SceneError if it is not one."""
         try:
             camera = settings["camera"]
-            position, target, up = (np.array(camera[k], np.float64) for k in ("position", "target", "up"))
-            if any(v.shape != (3,) or not np.all(np.isfinite(v)) for v in (position, target, up)):
+            position, target, up = (
+                np.array([real(f"camera: {name}", v, -MOST_LENGTH, MOST_LENGTH) for v in camera[name]])
+                for name in ("position", "target", "up")
+            )
+            if any(v.shape != (3,) for v in (position, target, up)) or not np.any(np.cross(target - position, up)):
                 raise ValueError("camera")
-            if np.linalg.norm(np.cross(target - position, up)) == 0.0 or not 0 < float(camera["fov"]) < 180:
-                raise ValueError("camera")
+            fov = real("camera: fov", camera["fov"], 0.01, 179.0)
             reach = float(np.linalg.norm(target - position))
             height = self.camera.height
             if height is not None and camera.get("height") is not None:
-                height = float(camera["height"])
-                if not 0.0 < height < np.inf:
-                    raise ValueError("camera")
-            self.move(View(position, target, up, float(camera["fov"]), reach, height))
+                height = real("camera: height", camera["height"], LEAST_LENGTH, MOST_LENGTH)
+            self.move(View(position, target, up, fov, reach, height))
             for name, value in settings["params"].items():
                 self.set(name, tuple(value) if isinstance(value, list) else value)
-            self.timeline = self.timeline.scrub(float(settings["time"]))
-            if settings["view"] not in VIEWS:
-                raise ValueError("view")
-            self.view = settings["view"]
+            self.timeline = self.timeline.scrub(real("time", settings["time"]))
+            self.view = choice("view", settings["view"], tuple(VIEWS))
         except (KeyError, TypeError, ValueError, AttributeError) as fault:
             raise SceneError(
-                f"these settings cannot be used: {type(fault).__name__}: {fault}", legal="a file that the window saved"
+                f"these settings cannot be used: {type(fault).__name__}: {fault}", legal=SAVED_SETTINGS
             ) from None
 
 
@@ -201,17 +201,6 @@ def parameters_in_order(base: Scene, scene: Scene, file: Path) -> dict[str, Spec
         return int(Path(where.file).absolute() != main), where.file, where.line
 
     return {spec.name: spec for spec in sorted(scene.parameters.values(), key=place)}
-
-
-def read_settings(file: Path) -> dict[str, Any]:
-    """Read a file of settings. SceneError if it cannot be read."""
-    try:
-        found = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as fault:
-        raise SceneError(f"cannot read settings '{file}': {fault}", legal="a file that the window saved") from None
-    if not isinstance(found, dict):
-        raise SceneError(f"cannot use settings '{file}'", legal="a file that the window saved")
-    return found
 
 
 def home(scene: Scene, values: Values, aspect: float) -> View:

@@ -103,6 +103,7 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
     user's that were read, `error` says what, legal, file and line, `baked` that no number may be a uniform.
     """
     number, scene = request["id"], request["scene"]
+    sys.stdin = open(os.devnull)  # noqa: SIM115 - the requests are not for the scene file
     if request.get("trace"):
         trace = open(request["trace"], "a")  # noqa: SIM115  (stays open for the signal)
         faulthandler.register(signal.SIGUSR1, trace, all_threads=False)
@@ -129,7 +130,7 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
             traceback.print_exc()
             error = Fault(f"a fault of raymarch: {type(fault).__name__}: {fault}")
     main = Path(scene).absolute()
-    inputs = (f for f in read if may_belong(f) and (os.path.isfile(f) or Path(f).parent == main.parent))
+    inputs = (f for f in read if may_belong(f) and (os.path.isfile(f) or _is_missing(Path(f), main)))
     files = sorted({str(main), *inputs})  # a missing file may appear beside the scene
     described = None if error is None else asdict(error)
     say({"id": number, "ok": error is None, "ms": times, "files": files, "error": described, "baked": baked})
@@ -138,6 +139,11 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
             ready, fresh = Constants(request["clicks"]).fit(prepare(found, CLICKED, size))
             if fresh:
                 _warm(found, ready, size, {}, CLICKED)
+
+
+def _is_missing(file: Path, scene: Path) -> bool:
+    """True for a file beside the scene that is not there, and may appear."""
+    return file.parent == scene.parent and not file.exists()
 
 
 def _compiled(scene: Scene, ready: Prepared, size: tuple[int, int], params: dict[str, Any]) -> bool:

@@ -6,17 +6,20 @@ import signal
 import threading
 import time as clock_time
 from collections.abc import Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from types import FrameType
 from typing import Any, Self
 
-from raymarch.errors import RaymarchError
+from raymarch.errors import RaymarchError, SceneError
+from raymarch.files import read_json, reading, written
 from raymarch.gpu.prepare import prepare
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.screen import Screen
 from raymarch.gpu.views import VIEWS
 from raymarch.gpu.views import picture as picture_of
 from raymarch.scene.file import load
+from raymarch.startup import SIGNALS
 from raymarch.window import commands as do
 from raymarch.window import control, toolkit
 from raymarch.window.accuracy import Stop, preset_stops
@@ -33,7 +36,7 @@ from raymarch.window.panel import Panel
 from raymarch.window.pick import Inquiry, picked
 from raymarch.window.picture import Picture
 from raymarch.window.reload import Reloader
-from raymarch.window.state import opened, read_settings
+from raymarch.window.state import SAVED_SETTINGS, opened
 from raymarch.window.surface import Window
 
 SETTLED = 0.12
@@ -46,8 +49,8 @@ SHORTEST = 1 / 120
 """Minimum duration of a frame in seconds."""
 
 
-class CtrlC:
-    """Handles Ctrl+C in the shell.
+class Interruption:
+    """Handles Ctrl+C, and the other signals that interrupt a command.
 
     In its context, the first sets `asked`, which the loop checks; the second raises KeyboardInterrupt. An exception at
     the first could occur at any line: in a callback of glfw, which swallows it, or while a lock is held.
@@ -55,16 +58,18 @@ class CtrlC:
 
     def __init__(self) -> None:
         self.asked = False
-        self._before: Any = None
+        self._before = ExitStack()
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():  # other threads cannot handle signals
-            self._before = signal.signal(signal.SIGINT, self._handle)
+            for number in SIGNALS:
+                if callable(before := signal.getsignal(number)):
+                    self._before.callback(signal.signal, number, before)
+                    signal.signal(number, self._handle)
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._before is not None:
-            signal.signal(signal.SIGINT, self._before)
+        self._before.close()
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         if self.asked:
@@ -102,7 +107,9 @@ class Viewer:
     ) -> None:
         state = opened(file, load(file), params or {}, size[0] / size[1])
         if settings is not None:
-            state.restore(read_settings(settings))
+            saved = read_json("--settings", settings, SAVED_SETTINGS)
+            with reading("--settings", settings, SAVED_SETTINGS):
+                state.restore(saved)
         self.model = Model(state, budget, samples, stops or preset_stops(), size=size)
         self._constants, self._clicks, self._edited = Constants(), Constants(), Constants()
         ready, _ = self._constants.fit(prepare(state.progressive, size=size))
@@ -165,7 +172,7 @@ class Viewer:
         end = None if seconds is None else clock_time.perf_counter() + seconds
         self.reloader.start()
         try:
-            with CtrlC() as interrupt:
+            with Interruption() as interrupt:
                 while not (self.window.closing or interrupt.asked or (end and clock_time.perf_counter() >= end)):
                     self.turn()
             code = 130 if interrupt.asked else 2 if self.model.fault is not None else 0
@@ -386,13 +393,11 @@ class Viewer:
     def _save(self, file: Path, time: float) -> None:
         """Save the complete picture at a time, as `raymarch render` would draw it with this camera."""
         state, size = self.model.state, self.model.area
-        partial = file.with_name(f".{file.name}.partial")
         made = self.picture.at(size).render(state.scene, time, state.params, VIEWS[state.view], pose=state.pose())
         try:
-            picture_of(made, state.view, state.scene).save(partial, "PNG")
-            partial.replace(file)
-        except OSError as fault:
-            partial.unlink(missing_ok=True)
+            with written(file) as partial:
+                picture_of(made, state.view, state.scene).save(partial, "PNG")
+        except SceneError as fault:
             do.saved(self.model, file, fault)
             return
         do.saved(self.model, file)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import math
+import re
 import zlib
 from collections.abc import Iterator, Mapping
 from html import escape
@@ -53,8 +54,8 @@ def text_of(scene: Scene, values: Values) -> Text:
     file = Path(scene.where.file) if scene.where else None
     name = file.stem if file and file.exists() else "raymarch"  # a notebook's cell is no file
     text = json.dumps(data, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
-    # no markup can end the script early
-    return Text(_file("page.html").replace("TITLE", escape(name)).replace("DATA", text.replace("<", "\\u003c"), 1))
+    words = {"TITLE": escape(name), "DATA": text.replace("<", "\\u003c")}  # no markup can end the script early
+    return Text(re.sub("TITLE|DATA", lambda found: words[found[0]], _file("page.html")))
 
 
 def _file(name: str) -> str:

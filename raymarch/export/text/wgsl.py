@@ -1,7 +1,7 @@
 """The functions of a scene in WGSL, the language of WebGPU: field, gradient, materials, lights, BSDFs, sky, tone curve.
 
 A program in WGSL calls them; the march and the passes are its own. A parameter is a private variable `u_NAME`, which
-the program sets.
+the program sets, as it sets those of `STATE`.
 """
 
 from __future__ import annotations
@@ -26,10 +26,11 @@ from raymarch.expr.glsl import (
 )
 from raymarch.expr.node import Expr, const, make
 from raymarch.expr.types import BOOL, FLOAT, Type
-from raymarch.expr.walk import find
+from raymarch.expr.walk import find, free_variables
 from raymarch.plan.hoisting import with_hoisted
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
+from raymarch.sdf.visibility import KINDS
 from raymarch.shader.assemble import expression_functions
 
 WORDS = """
@@ -43,6 +44,12 @@ union unless unsafe using virtual wgsl yield fallthrough bitcast saturate ldexp 
 
 REFUSED = ("raw", "raw_slope", "sample", "sample_slope", "texture", "fetch")
 """Operations that need textures, or text of another language."""
+
+STATE = {
+    "u_side": ("-1 if the camera is inside of the solid, else 1", "1.0"),
+    "ray_kind": (", ".join(f"{i} for {kind} rays" for i, kind in enumerate(KINDS)), "0.0"),
+}
+"""Variables that a shader sets while it draws: their meaning, and the initial value."""
 
 
 def type_text(type: Type) -> str:
@@ -215,6 +222,10 @@ def text_of(scene: Scene, values: Values) -> Text:
     inputs |= {TIME: (FLOAT, values.time)} if text.uses_time else {}
     for name, (type, value) in inputs.items():
         lines.append(f"var<private> {name}: {type_text(type)} = {Wgsl().constant(const(value))};")
+    states = {v.data for f in text.names for v in free_variables([f.body]) if v not in f.params}
+    for name in sorted(name for name in states if not name.startswith("u_sky_light")):
+        meaning, first = STATE[name]
+        lines.append(f"var<private> {name}: f32 = {first};  // {meaning}")
     if made.sky_light:
         colors = ", ".join(Wgsl().constant(const(row)) for row in harmonics(made))
         lines.append(f"const u_sky_light = array<vec3<f32>, 9>({colors});")

@@ -1,9 +1,12 @@
 // The march of a ray: one evaluation of the field per turn, in two states. The ray searches with steps of the tracer
 // until a sample is near a surface, then refines the hit with secant steps. `at` and `hit` hold the whole state. A
 // refining step must reduce the residual. Along a surface the derivative is nearly 0, and a secant step could pass
-// through an object that stands on the surface: the first is at most `leap_pixels` longer than a plain step, the next
-// no longer than the distance over which the derivative has held. A ray that only passes a surface searches on from its
-// last certified sample; as a hit it would widen silhouettes.
+// through an object that stands on the surface: it is at most `leap_pixels` longer than a plain step. A
+// ray that only passes a surface searches on from its last certified sample; as a hit it would widen silhouettes.
+#ifdef CUTS
+// Refining steps aim a little below the surface, so that most hits are samples inside the solid. The others are in
+// doubt, see march/membrane.
+#endif
 void march(Ray ray, inout March at, inout Hit hit, float far) {
     vec3 widths = hit_widths(ray);
     bool found = false;
@@ -13,16 +16,33 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #endif
     for (int i = 0; i < march_steps; i++) {
         float width = at.passing ? widths.z : widths.y;
-        float leap = at.refining ? at.t - at.kept_t : 0.0;
 #ifdef ORTHOGRAPHIC
         bool aiming = at.refining || aims_at_surface(at.r, at.last_derivative, widths.x * at.t + width);
-        leap = leap_pixels * u_pixel + leap;
+        float leap = leap_pixels * u_pixel;
 #else
         bool aiming = at.refining || aims_at_surface(at.r, at.last_derivative, widths.x + width * at.t);
-        leap = leap_pixels * u_pixel * at.t + leap;
+#ifdef BOUNCES
+        float leap = leap_pixels * secondary_pixel() * at.t;
+#else
+        float leap = leap_pixels * u_pixel * at.t;
 #endif
+#endif
+#ifdef CUTS
+        float noise = rounding(ray, at.t);
+#ifdef ORTHOGRAPHIC
+        float depth = max(0.7 * (widths.x * at.t + hit_width(widths)) + noise, 0.0);
+#else
+        float depth = max(0.7 * (widths.x + hit_width(widths) * at.t) + noise, 0.0);
+#endif
+        bool doubtful = in_doubt(at);
+        bool first = abs(at.r) <= noise;  // the ray starts on a face of the scene's box
+        float below = at.r + depth;
+        float secant = at.last_derivative < 0.0 ? min(below / -at.last_derivative, below + leap) : at.r;
+        float z = doubtful ? doubt_step(at, depth) : aiming ? secant : first ? depth : step_length(at, far);
+#else
         float secant = at.last_derivative < 0.0 ? min(at.r / -at.last_derivative, at.r + leap) : at.r;
         float z = aiming ? secant : step_length(at, far);
+#endif
         escaped = !at.refining && at.t + min(z, at.r) > far;
         if (escaped) break;
 #ifndef UNCOUNTED
@@ -30,14 +50,34 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #endif
         float t = at.t + z;
         float next = march_distance(ray, t);
+#ifdef CUTS
+        if (doubtful) {
+            found = enters(at, t, next, noise);
+            if (found) break;
+            continue;
+        }
+#endif
+#ifdef CUTS
+        float derivative = z != 0.0 && !(first && next > 0.0) ? (next - at.r) / z : at.derivative;
+        bool empty = first || z <= at.r + abs(next);  // else the step may have passed a surface
+#else
         float derivative = z != 0.0 ? (next - at.r) / z : at.derivative;
         bool empty = z <= at.r + abs(next);  // else the step may have passed a surface
+#endif
         bool closer = abs(next) < abs(at.r);
         bool passed = at.refining && !closer;
 #ifdef ORTHOGRAPHIC
         bool near = at.refining ? closer : next < widths.x * t + width && (empty || aiming);
 #else
         bool near = at.refining ? closer : next < widths.x + width * t && (empty || aiming);
+#endif
+#ifdef CUTS
+        bool unproven = near && next >= -noise && at.r >= -noise && next <= 2.0 * depth;
+        if (unproven && (aiming || first || derivative < 0.0)) {
+            doubt(at, t, next, derivative);
+            continue;
+        }
+        near = near && !unproven;
 #endif
         float kept_t = at.refining ? at.kept_t : empty ? t : at.t;
         float kept_r = at.refining ? at.kept_r : empty ? next : at.r;
@@ -60,6 +100,9 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #else
         found = near && abs(next) <= widths.x + hit_width(widths) * t;
 #endif
+#ifdef CUTS
+        found = found || (near && abs(next) <= 2.0 * depth);
+#endif
         if (found) break;
     }
 #ifdef CLIP_PLANES
@@ -67,7 +110,11 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
     found = found && !escaped;
 #endif
 #ifdef ANALYTIC
+#ifdef CUTS
+    escaped = escaped || (found && at.t + last_step(widths, at) > solved_t);
+#else
     escaped = escaped || (found && at.t > solved_t);  // a long step may end behind a hit in closed form
+#endif
     found = found && !escaped;
 #endif
     hit.done = found || escaped;

@@ -5,6 +5,10 @@ float nearness(vec3 p, float t, float pixels) {
 #ifdef ORTHOGRAPHIC
     return max(pixels * u_pixel, ulps);
 #else
+#ifdef BOUNCES
+    return max(pixels * secondary_pixel() * t, ulps);
+#else
     return max(pixels * u_pixel * t, ulps);
+#endif
 #endif
 }

@@ -8,6 +8,18 @@ uniform float u_pixel;  // width of a pixel, at all distances
 uniform float u_pixel;  // width of a pixel at distance 1
 #endif
 const float GROWTH = 1.1920929e-7;  // growth of the coordinates' ulp per unit of length along a ray
+#ifdef BOUNCES
+
+// The pixel that sets how near rays that bounce end at a surface and start from it. It is at most 1/300 of the path,
+// because the brightness of a room must not depend on the size of the picture.
+float secondary_pixel() {
+#ifdef ORTHOGRAPHIC
+    return u_pixel;
+#else
+    return min(u_pixel, 0.0033);
+#endif
+}
+#endif
 
 #ifdef ORTHOGRAPHIC
 // Linear in t, as (x t + y) for the width at which a ray refines its hit and (x t + z) for that at which it has one.
@@ -25,6 +37,9 @@ vec3 hit_widths(Ray ray) {
 #endif
 #else
     vec2 pixels = vec2(1.0, contact_share) * (epsilon_pixels * u_pixel);
+#ifdef BOUNCES
+    pixels.y *= secondary_pixel() / u_pixel;
+#endif
 #endif
 #ifdef ORTHOGRAPHIC
     return vec3(ulps, pixels + ulps * max(size.x, max(size.y, size.z)));

@@ -7,4 +7,7 @@ struct Branch {
     float travelled;
     float side;  // -1 inside glass
     int bounce;  // number of bounces before it
+#ifdef SHOWS
+    bool refracted;  // or reflected inside glass: it shows lights
+#endif
 };

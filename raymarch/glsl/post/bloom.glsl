@@ -6,31 +6,41 @@ uniform sampler2D u_fine;
 uniform sampler2D u_coarse;
 uniform bool u_down;
 uniform float u_share;  // of the coarser level
+uniform vec4 u_last;  // the covers of the last column and row of the finer level, and of the last but one
 
 // Beyond its borders a picture is mirrored, so that no light is lost there.
-vec4 texel_of(sampler2D level, ivec2 at) {
-    ivec2 size = textureSize(level, 0);
+ivec2 mirrored(ivec2 at, ivec2 size) {
     at = max(at, -1 - at);
-    return texelFetch(level, clamp(min(at, 2 * size - 1 - at), ivec2(0), size - 1), 0);
+    return clamp(min(at, 2 * size - 1 - at), ivec2(0), size - 1);
 }
 
-// Texels of the picture that are not finite are black. All coarser levels are finite.
-vec3 finite_texel(ivec2 at) {
-    vec4 found = texel_of(u_fine, at);
-    return finite(found) ? found.rgb : vec3(0.0);
+vec4 texel_of(sampler2D level, ivec2 at) {
+    return texelFetch(level, mirrored(at, textureSize(level, 0)), 0);
+}
+
+// A texel by its weight. Texels of the picture that are not finite are black. All coarser levels are finite.
+// Half a pair at the upper end is not mirrored: it has no texel there.
+vec4 weighted_texel(ivec2 at) {
+    ivec2 size = textureSize(u_fine, 0);
+    ivec2 within = mirrored(at, size);
+    vec4 found = texelFetch(u_fine, within, 0);
+    vec2 cover = mix(vec2(1.0), u_last.zw, equal(within, size - 2));
+    cover = mix(cover, u_last.xy, equal(within, size - 1));
+    cover *= vec2(1 - ivec2(greaterThanEqual(at, size)) * (size & 1));
+    return cover.x * cover.y * vec4(finite(found) ? found.rgb : vec3(0.0), 1.0);
 }
 
 // The mask 1 3 3 1 on both axes: that of quadratic B-splines (Chaikin 1974).
 vec3 down(ivec2 at) {
     const vec4 mask = vec4(0.125, 0.375, 0.375, 0.125);
-    vec3 sum = vec3(0.0);
+    vec4 sum = vec4(0.0);
     int rows = u_down ? 4 : 0;  // software renderers run both sides of a branch, but leave a loop
     for (int y = 0; y < rows; y++) {
         for (int x = 0; x < 4; x++) {
-            sum += mask[x] * mask[y] * finite_texel(2 * at + ivec2(x, y) - 1);
+            sum += mask[x] * mask[y] * weighted_texel(2 * at + ivec2(x, y) - 1);
         }
     }
-    return sum;
+    return sum.rgb / sum.a;
 }
 
 // The same mask upwards: linear interpolation between the coarse texels.
