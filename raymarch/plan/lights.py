@@ -84,9 +84,9 @@ class Table:
 
     forms : by their keys; see `key`. kinds : the kinds of shadow that the lights cast; their numbers in the texture are
     their positions, from 1. headed : True if rows begin with a head, because the lights have several forms, or some
-    cast shadows. fixed : the values that are constant, (lights, 4 texels). varied : the row, the first number and the
-    expression of each other value. balls, moving : the same of what each light reaches, (lights, 4). limited : number
-    of lights that have such a ball.
+    cast shadows, have an area, or are cut by a horizon. fixed : the values that are constant, (lights, 4 texels).
+    varied : the row, the first number and the expression of each other value. balls, moving : the same of what each
+    light reaches, (lights, 4). limited : number of lights that have such a ball.
     """
 
     forms: dict[Key, Form]
@@ -127,6 +127,7 @@ def _table(of: _Lights) -> Table:
     found, kinds = _forms(of.lights), {shadow_of(light) for light in of.lights}
     ordered = [kind for kind in SHADOWS if kind in kinds]
     head = len(found) > 1 or bool(ordered) or any(form.area for form in found.values())
+    head = head or any(light.cut_by_horizon for light in of.lights)
     places = {of: layout(form.types) for of, form in found.items()}
     numbers = {of: i for i, of in enumerate(found)}
     width = head + max((1 + k for place in places.values() for k, _ in place), default=0)

@@ -307,6 +307,11 @@ class Light(Part):
         return self.shadow and not is_zero(self.softness)
 
     @property
+    def cut_by_horizon(self) -> bool:
+        """True if only the part of the light above the surface's horizon counts, which random points do not show."""
+        return False
+
+    @property
     def disc_width(self) -> Expr:
         """The radius of a light with a position, else the sine of the angular radius."""
         return self.softness if self.has_position else self.softness / sqrt(1.0 + self.softness * self.softness)
@@ -533,6 +538,10 @@ class SphereLight(PointLight):
             self, position, color, intensity, shadow, given, penumbra, range, shadow_radius, attenuation
         )
         self._set(radius=given, visible=switch("SphereLight: visible", visible))
+
+    @property
+    def cut_by_horizon(self) -> bool:
+        return not (self.shadow and self.penumbra == "sampled")
 
     def emitter_values(self) -> dict[str, Expr]:
         return {**PointLight.emitter_values(self), "radius": self.radius}

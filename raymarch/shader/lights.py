@@ -17,7 +17,6 @@ from raymarch.scene.light import (
     POINT,
     SAMPLE,
     Light,
-    SphereLight,
     above_horizon,
     eval_disc,
     part_above_horizon,
@@ -42,7 +41,9 @@ def all_lights(text: Lines, plan: Plan, values: Values, reflection: Reflection) 
     if "sampled" in table.kinds:
         values.functions += [sample_disc, *((eval_disc, pdf_disc) if any(light.soft for light in both) else ())]
     values.functions += [power_heuristic] if both else []
-    values.functions += [above_horizon, part_above_horizon] if any(map(_is_cut, plan.scene.lights)) else []
+    values.functions += (
+        [above_horizon, part_above_horizon] if any(light.cut_by_horizon for light in plan.scene.lights) else []
+    )
     if lights.as_data(plan.scene):
         _loop(text, plan, reflection)
         return
@@ -62,7 +63,7 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan, reflec
     samples, stride = plan.scene.quality.light_samples, 2 * len(plan.scene.lights)
     disc = light.soft and light.penumbra == "sampled"
     width = value("softness", light.disc_width) + _per_distance(light) if disc else ""
-    cut = _is_cut(light)
+    cut = light.cut_by_horizon
     visibility = _visibility(plan, light, value, f"width_{i}" if cut else "")
     both = samples_both(light, plan.scene.materials)
     count = lights.samples_of(plan.scene, light)
@@ -211,11 +212,6 @@ def _per_distance(light: Light) -> str:
     return " / light.distance" if light.has_position else ""
 
 
-def _is_cut(light: Light) -> bool:
-    """True if a horizon may cut a light's sphere, which random points of its disc do not show."""
-    return isinstance(light, SphereLight) and not (light.shadow and light.penumbra == "sampled")
-
-
 def _horizon(function: str, width: str) -> str:
     """The call of `above_horizon` or `part_above_horizon`."""
     return f"{function}(light, {width}, surface.normal)"
@@ -359,7 +355,7 @@ def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
 
 def _has_balls(scene: Scene, form: lights.Key) -> bool:
     """True if a horizon may cut lights of a form."""
-    return any(_is_cut(light) for light in scene.lights if lights.key(light) == form)
+    return any(light.cut_by_horizon for light in scene.lights if lights.key(light) == form)
 
 
 def _width_of_row(scene: Scene) -> str:

@@ -52,8 +52,10 @@ def test_a_tree_follows_what_is_smooth(egl: Context) -> None:
     found = evaluate(
         egl, Function("mirrored", (VIEW, rough), made), [slanted([1.0, 0.5, 0.0, -0.1, -1.0]), np.zeros(5)]
     )
-    known = 0.04 + 0.96 * np.array([0, 0.5, 1, 1, 1]) ** 5  # away from the eye as edge on
-    np.testing.assert_allclose(found, np.repeat(known[:, None], 3, axis=1), rtol=16 * ULP)
+    known = np.repeat(0.04 + 0.96 * np.array([[0], [0.5], [1], [1], [1]]) ** 5, 3, axis=1)  # away from the eye: edge on
+    np.testing.assert_allclose(found[:2], known[:2], rtol=16 * ULP)
+    assert np.all(found[2:] <= 1.0)  # no more than the diffuse part leaves, whose fit is 4e-5 above 0 edge on
+    np.testing.assert_allclose(found[2:], known[2:], atol=5e-5)
 
 
 def test_a_basis_is_one_about_each_axis(egl: Context) -> None:
@@ -252,8 +254,9 @@ def test_a_second_ray_out_of_steps_meets_what_it_falls_towards(egl: Context) -> 
 
 
 def test_a_second_ray_that_starts_deep_in_a_solid_meets_it_at_its_start(egl: Context) -> None:
+    """It starts nearer four times, by an eighth each, to meet what lies before its start."""
     found, t, _ = met(egl, "p.z - 3.0", 0.01, (0.0, 10.0), 1.0)
-    assert found and t == np.float32(0.01)
+    assert found and t == np.float32(0.01 / 8**4)
 
 
 def second_evaluations(slope: float, far: float) -> int:

@@ -61,7 +61,9 @@ def shadows(
             float share = {KINDS[kind]};
             return vec2(share, float(asked));
         }}"""
-    text = modules(*NEARNESS, *STEPS, "march/extrapolate", "light/spawn_ray", kind, before=BEFORE, after=after)
+    text = modules(
+        *NEARNESS, *STEPS, "march/extrapolate", "light/spawn_ray", "light/shadow_ray", kind, before=BEFORE, after=after
+    )
     found = run(egl, text, "seen({0})", [(VEC3, ways)], 2, {"u_pixel": PIXEL, "u_side": 1.0})
     return found[:, 0], found[:, 1]
 

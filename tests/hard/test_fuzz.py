@@ -39,9 +39,7 @@ def test_a_fault_is_found(world: World, monkeypatch: pytest.MonkeyPatch) -> None
 
     def spoiled(name: str, variants: frozenset[str] = frozenset()) -> glsl.Module:
         module = load(name, variants)
-        lines = tuple(
-            line.replace("abs(next) <= widths.x + hit_width(widths) * t", "next > 0.0") for line in module.lines
-        )
+        lines = tuple(line.replace("refined(widths, t, next, derivative)", "next > 0.0") for line in module.lines)
         return replace(module, lines=lines)
 
     monkeypatch.setattr(glsl, "load", spoiled)

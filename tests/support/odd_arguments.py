@@ -237,6 +237,7 @@ UNCALLED = {
     "Frame",
     "Truth",
     "Probe",
+    "Proof",
     "Texture",
     "shape",
     "operator",
@@ -247,7 +248,7 @@ UNCALLED = {
     "__version__",
 }
 """Names that are no function that takes values, or that are made by others; those with a device are tried with one."""
-WITH_DEVICE = {"Renderer", "render", "render_frames", "probe", "truth"}
+WITH_DEVICE = {"Renderer", "render", "render_frames", "probe", "prove", "truth"}
 
 
 def calls() -> Iterator[Call]:

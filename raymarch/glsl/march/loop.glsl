@@ -95,11 +95,7 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
             hit.fallbacks += float(!empty);
 #endif
         }
-#ifdef ORTHOGRAPHIC
-        found = near && abs(next) <= widths.x * t + hit_width(widths);
-#else
-        found = near && abs(next) <= widths.x + hit_width(widths) * t;
-#endif
+        found = near && refined(widths, t, next, derivative);
 #ifdef CUTS
         found = found || (near && abs(next) <= 2.0 * depth);
 #endif

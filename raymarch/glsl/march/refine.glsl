@@ -1,14 +1,27 @@
-// The end of a march: a hit has a residual of a small fraction of an epsilon. The last step, along the derivative,
-// removes nearly all of that. It is at most half an epsilon, so that no hit lies deeper in a solid.
+// The end of a march: a hit has a residual of a small fraction of an epsilon, and the surface is less than half an
+// epsilon away along the ray. The last step, along the derivative, goes there. No hit lies deeper in a solid: a longer
+// step only goes back, to the surface between the last two samples.
 float hit_width(vec3 widths) {
     return widths.z;
 }
 
-float last_step(vec3 widths, March at) {
+float longest_last_step(vec3 widths, float t) {
 #ifdef ORTHOGRAPHIC
-    float most = 0.5 * (widths.x * at.t + widths.y);
+    return 0.5 * (widths.x * t + widths.y);
 #else
-    float most = 0.5 * (widths.x + widths.y * at.t);
+    return 0.5 * (widths.x + widths.y * t);
 #endif
-    return at.last_derivative < 0.0 ? clamp(at.r / -at.last_derivative, -most, most) : 0.0;
+}
+
+bool refined(vec3 widths, float t, float r, float derivative) {
+    float near = derivative < 0.0 ? -derivative * longest_last_step(widths, t) : 1.0e30;
+#ifdef ORTHOGRAPHIC
+    return abs(r) <= widths.x * t + min(hit_width(widths), near);
+#else
+    return abs(r) <= widths.x + min(hit_width(widths) * t, near);
+#endif
+}
+
+float last_step(vec3 widths, March at) {
+    return at.last_derivative < 0.0 ? min(at.r / -at.last_derivative, longest_last_step(widths, at.t)) : 0.0;
 }

@@ -4,6 +4,14 @@ float hit_width(vec3 widths) {
     return widths.y;
 }
 
+bool refined(vec3 widths, float t, float r, float derivative) {
+#ifdef ORTHOGRAPHIC
+    return abs(r) <= widths.x * t + hit_width(widths);
+#else
+    return abs(r) <= widths.x + hit_width(widths) * t;
+#endif
+}
+
 float last_step(vec3 widths, March at) {
     return at.last_derivative < 0.0 ? min(at.r / -at.last_derivative, at.t) : 0.0;
 }
