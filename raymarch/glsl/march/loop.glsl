@@ -1,8 +1,9 @@
 // The march of a ray: one evaluation of the field per turn, in two states. The ray searches with steps of the tracer
 // until a sample is near a surface, then refines the hit with secant steps. `at` and `hit` hold the whole state. A
 // refining step must reduce the residual. Along a surface the derivative is nearly 0, and a secant step could pass
-// through an object that stands on the surface: it is at most `leap_pixels` longer than a plain step. A
-// ray that only passes a surface searches on from its last certified sample; as a hit it would widen silhouettes.
+// through an object that stands on the surface: it is at most `leap_pixels` longer than a plain step, and
+// once the ray touches the surface, by as much more as the derivative has held. A ray that only passes a surface
+// searches on from its last certified sample; as a hit it would widen silhouettes.
 #ifdef CUTS
 // Refining steps aim a little below the surface, so that most hits are samples inside the solid. The others are in
 // doubt, see march/membrane.
@@ -19,6 +20,7 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #ifdef ORTHOGRAPHIC
         bool aiming = at.refining || aims_at_surface(at.r, at.last_derivative, widths.x * at.t + width);
         float leap = leap_pixels * u_pixel;
+        float touch = widths.x * at.t + hit_width(widths);
 #else
         bool aiming = at.refining || aims_at_surface(at.r, at.last_derivative, widths.x + width * at.t);
 #ifdef BOUNCES
@@ -26,14 +28,13 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #else
         float leap = leap_pixels * u_pixel * at.t;
 #endif
+        float touch = widths.x + hit_width(widths) * at.t;
 #endif
+        bool touching = at.refining && abs(at.r) <= touch;
+        if (touching) leap += at.t - at.kept_t;
 #ifdef CUTS
         float noise = rounding(ray, at.t);
-#ifdef ORTHOGRAPHIC
-        float depth = max(0.7 * (widths.x * at.t + hit_width(widths)) + noise, 0.0);
-#else
-        float depth = max(0.7 * (widths.x + hit_width(widths) * at.t) + noise, 0.0);
-#endif
+        float depth = max(0.7 * touch + noise, 0.0);
         bool doubtful = in_doubt(at);
         bool first = abs(at.r) <= noise;  // the ray starts on a face of the scene's box
         float below = at.r + depth;
@@ -66,6 +67,10 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #endif
         bool closer = abs(next) < abs(at.r);
         bool passed = at.refining && !closer;
+#ifndef CUTS
+        found = passed && touching;
+        if (found) break;
+#endif
 #ifdef ORTHOGRAPHIC
         bool near = at.refining ? closer : next < widths.x * t + width && (empty || aiming);
 #else

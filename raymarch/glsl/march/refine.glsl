@@ -1,6 +1,6 @@
 // The end of a march: a hit has a residual of a small fraction of an epsilon, and the surface is less than half an
-// epsilon away along the ray. The last step, along the derivative, goes there. No hit lies deeper in a solid: a longer
-// step only goes back, to the surface between the last two samples.
+// epsilon away along the ray. The last step, along the derivative, goes there. It is at most half an epsilon, so that
+// no hit lies deeper in a solid.
 float hit_width(vec3 widths) {
     return widths.z;
 }
@@ -23,5 +23,11 @@ bool refined(vec3 widths, float t, float r, float derivative) {
 }
 
 float last_step(vec3 widths, March at) {
-    return at.last_derivative < 0.0 ? min(at.r / -at.last_derivative, longest_last_step(widths, at.t)) : 0.0;
+    float most = longest_last_step(widths, at.t);
+#ifdef CUTS
+    float least = -1.0e30;  // the sample before a sample inside was outside
+#else
+    float least = -most;
+#endif
+    return at.last_derivative < 0.0 ? clamp(at.r / -at.last_derivative, least, most) : 0.0;
 }
