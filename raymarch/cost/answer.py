@@ -1,4 +1,4 @@
-"""The short answer of a sweep: the fastest settings within half a pixel, a tenth and a hundredth of it."""
+"""The short answer of a sweep: the fastest settings within 0.5, 0.05 and 0.005 pixels."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def sentence(made: Sweep) -> str:
     if not found:
         doubt = " Its field is an estimate, which proves neither these hits nor those of the reference."
         return (
-            f"{where}, no setting draws {made.name} within half a pixel: the most accurate one, {best.name}, is "
+            f"{where}, no setting draws {made.name} within {BOUNDS[0]} px: the most accurate one, {best.name}, is "
             f"within {error} px and takes {_time(best)} a frame.{doubt if made.estimate else ''}"
         )
     if closed(made):
@@ -86,8 +86,8 @@ def sentence(made: Sweep) -> str:
             f"{where}, a frame of {made.name} takes {_time(best)}, and marching settings change neither time nor "
             f"error: every ray is solved in closed form, within {error} px."
         )
-    parts = [f"{phrase(bounds)} takes {_time(point)}" for bounds, point in grouped(found)]
-    parts[0] = f"a frame of {made.name} {parts[0]}"
+    parts = [f"{_time(point)} {phrase(bounds)}" for bounds, point in grouped(found)]
+    parts[0] = f"a frame of {made.name} takes {parts[0]}"
     if best is found[-1][1]:
         end = f"; no setting is more exact than that one, {error} px."
     else:
@@ -121,9 +121,6 @@ def code(point: Point) -> str:
     return f"rm.{point.setting.quality!r}"
 
 
-PHRASES = {0.5: "within half a pixel", 0.05: "ten times as exact", 0.005: "a hundred times as exact"}
-
-
 def grouped(found: Sequence[tuple[float, Point]]) -> list[tuple[tuple[float, ...], Point]]:
     """The answers by their settings: one setting may be the fastest within several bounds."""
     points = {id(point): point for _, point in found}
@@ -131,12 +128,8 @@ def grouped(found: Sequence[tuple[float, Point]]) -> list[tuple[tuple[float, ...
 
 
 def phrase(bounds: Sequence[float]) -> str:
-    """Error bounds in words: "within half a pixel", "ten or a hundred times as exact"."""
-    if len(bounds) == 1:
-        return PHRASES[bounds[0]]
-    if bounds[0] == BOUNDS[0]:
-        return "within half a pixel or " + phrase(bounds[1:])
-    return "ten or a hundred times as exact"
+    """The least of some error bounds in words: "within 0.05 px". A setting within it is within the others."""
+    return f"within {figures(min(bounds))} px"
 
 
 def _time(point: Point) -> str:

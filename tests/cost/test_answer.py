@@ -56,7 +56,7 @@ def test_the_answer_holds_when_its_settings_are_drawn_again(drawn, scene):
     assert sentence(drawn) in unescape(text)
     assert len(answers(drawn)) == len(BOUNDS)
     assert not broken(text, drawn, scene)
-    coarse = re.sub(r"<code>rm\.Quality\(.*?</code>", "<code>rm.Quality(epsilon=9.0)</code>", text, count=1)
+    coarse = re.sub(r"<code>rm\.Quality\(.*?</code>", "<code>rm.Quality(epsilon=9.0, refinement='none')</code>", text, count=1)
     assert len(broken(coarse, drawn, scene)) == 1, "another setting does not keep it"
 
 
@@ -73,12 +73,12 @@ def test_the_fastest_within_each_bound(fake):
     assert [(bound, point.name) for bound, point in answers(fake)] == [(0.5, "epsilon 0.4"), (0.05, "epsilon 0.04")]
     assert finest(fake).name == "epsilon 0.01"
     assert sentence(fake) == (
-        "At 64×36 on this machine (ours), a frame of fake within half a pixel takes 2.5 ms, ten times as exact takes "
-        "25 ms; the most exact setting, 0.01 px, takes 100 ms."
+        "At 64×36 on this machine (ours), a frame of fake takes 2.5 ms within 0.5 px, 25 ms within 0.05 px; "
+        "the most exact setting, 0.01 px, takes 100 ms."
     )
     assert advice(fake) == [
-        "  within half a pixel       2.5 ms        0.4 px  rm.Quality(epsilon=0.4)",
-        "  ten times as exact         25 ms       0.04 px  rm.Quality(epsilon=0.04)",
+        "  within 0.5 px             2.5 ms        0.4 px  rm.Quality(epsilon=0.4)",
+        "  within 0.05 px             25 ms       0.04 px  rm.Quality(epsilon=0.04)",
         "  the most exact setting    100 ms       0.01 px  rm.Quality(epsilon=0.01)",
     ]
 
@@ -105,7 +105,7 @@ def test_cheaper_pictures_of_another_kind_are_no_answer(fake):
 def test_bounds_that_nothing_meets_are_left_out(fake):
     fake.points = [p for p in fake.points if p.name in ("epsilon 2", "blind")]
     assert not answers(fake)
-    assert "no setting draws fake within half a pixel: the most accurate one, epsilon 2, is within 2 px" in sentence(
+    assert "no setting draws fake within 0.5 px: the most accurate one, epsilon 2, is within 2 px" in sentence(
         fake
     )
     fake.points = fake.points[1:]
@@ -129,7 +129,7 @@ def test_the_answer_without_marching_of_an_estimate_and_of_an_animation(fake):
 def test_one_setting_may_meet_several_bounds(fake):
     fake.points = [p for p in fake.points if p.name == "epsilon 0.01"]
     fake.points[0].errors = replace(fake.points[0].errors, pixels_p99=0.004)
-    assert "within half a pixel or ten or a hundred times as exact takes 100 ms; no setting is" in sentence(fake)
+    assert "takes 100 ms within 0.005 px; no setting is" in sentence(fake)
 
 
 @pytest.mark.parametrize(

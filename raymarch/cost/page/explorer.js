@@ -101,7 +101,7 @@
       if (state.error === "pixels_p99") for (const v of [0.5, 0.05, 0.005]) {
         const h = y.place(v);
         if (h > top && h < bottom) parts.push(`<line class="bound" x1="${left}" x2="${right}" y1="${h}" y2="${h}"/>` +
-          `<text class="halo" text-anchor="end" x="${right}" y="${h - 4}">${v === 0.5 ? "half a pixel" : v + " px"}</text>`);
+          `<text class="halo" text-anchor="end" x="${right}" y="${h - 4}">${v + " px"}</text>`);
       }
       places = list.map((p) => ({ p, x: x.place(p.costs[state.cost]), y: y.place(p.errors[state.error]) }));
       const spot = new Map(places.map((s) => [s.p, s]));
