@@ -60,11 +60,13 @@ def negative(a: Interval) -> Interval:
 
 
 def add(a: Interval, b: Interval) -> Interval:
-    return outward(a[0] + b[0], a[1] + b[1])
+    """Sums near 0 are exact, so that 0 stays 0."""
+    low, high = a[0] + b[0], a[1] + b[1]
+    return low - np.abs(low) * ULP, high + np.abs(high) * ULP
 
 
 def sub(a: Interval, b: Interval) -> Interval:
-    return outward(a[0] - b[1], a[1] - b[0])
+    return add(a, negative(b))
 
 
 def mul(a: Interval, b: Interval) -> Interval:
@@ -73,17 +75,15 @@ def mul(a: Interval, b: Interval) -> Interval:
     low = np.fmin(np.fmin(corners[0], corners[1]), np.fmin(corners[2], corners[3]))
     high = np.fmax(np.fmax(corners[0], corners[1]), np.fmax(corners[2], corners[3]))
     low, high = outward(low, high)
-    if np.isnan(low).any():  # 0 times anything that is finite is 0
-        zero = ((a[0] == 0.0) & (a[1] == 0.0)) | ((b[0] == 0.0) & (b[1] == 0.0))
-        return np.where(zero, 0.0, low), np.where(zero, 0.0, high)
-    return low, high
+    zero = ((a[0] == 0.0) & (a[1] == 0.0)) | ((b[0] == 0.0) & (b[1] == 0.0))  # 0 times anything that is finite is 0
+    return np.where(zero, 0.0, low), np.where(zero, 0.0, high)
 
 
 def square(a: Interval) -> Interval:
     below, above = np.abs(a[0]), np.abs(a[1])
     least = np.where((a[0] <= 0.0) & (a[1] >= 0.0), 0.0, np.minimum(below, above))
     most = np.maximum(below, above)
-    return np.maximum(down(least * least), 0.0), up(most * most)
+    return np.maximum(down(least * least), 0.0), np.where(most == 0.0, 0.0, up(most * most))
 
 
 def absolute(a: Interval) -> Interval:
@@ -113,7 +113,8 @@ def div(a: Interval, b: Interval) -> Interval:
 
 def root(a: Interval) -> Interval:
     """The square root; of a negative number 0, as everywhere in the language."""
-    return np.maximum(down(np.sqrt(np.maximum(a[0], 0.0))), 0.0), up(np.sqrt(np.maximum(a[1], 0.0)))
+    low, high = np.sqrt(np.maximum(a[0], 0.0)), np.sqrt(np.maximum(a[1], 0.0))
+    return np.maximum(down(low), 0.0), np.where(high == 0.0, 0.0, up(high))
 
 
 def total(a: Interval) -> Interval:

@@ -99,11 +99,12 @@ def _free(
     shortest: Array,
     verdict: Verdict,
     progress: Callable[[float], None] | None = None,
+    slivers: bool = True,
 ) -> None:
     """Prove stretches free. `verdict.low` becomes the start of the first one that is not.
 
-    A short stretch is no obstacle, even if it crosses a surface, if a point within the tolerance lies outside: what the
-    ray meets there is a sliver.
+    slivers : a short stretch is no obstacle, even if it crosses a surface, if a point within the tolerance lies
+        outside: what the ray meets there is a sliver.
     """
     left: list[Stretch] = []
     pending, whole = [work], max(len(work), 1)
@@ -121,12 +122,13 @@ def _free(
         centre = np.where(last, now.end, 0.5 * (now.start + now.end))
         range_, at, _ = operands.enclose(rays, now, centre)
         is_free = range_[0] > 0.0
-        sliver = now.end - now.start <= SLIVER * within[now.rays]
+        sliver = slivers & (now.end - now.start <= SLIVER * within[now.rays])
         in_solid = ~is_free & (at[1] < 0.0)
         rows = np.flatnonzero(in_solid | (~is_free & sliver))
-        shallow = _around(operands, rays, now.rays[rows], centre[rows], within, verdict, outside=True)
-        in_solid[rows[shallow]] = False
-        is_free[rows] |= shallow & sliver[rows]
+        if slivers:
+            shallow = _around(operands, rays, now.rays[rows], centre[rows], within, verdict, outside=True)
+            in_solid[rows[shallow]] = False
+            is_free[rows] |= shallow & sliver[rows]
         np.minimum.at(verdict.high, now.rays[in_solid], centre[in_solid])
         length = now.end - now.start
         blind = np.isinf(range_[0]) & np.isinf(range_[1]) & (length <= BLIND * within[now.rays])
@@ -225,7 +227,8 @@ def _invented(
     empty = verdict.left[:0]
     own = Verdict.unknown(len(some), empty)
     own.low[:] = last
-    _free(operands, part, operands.met(part, first, last), last, within[some], shortest[some] / 16.0, own)
+    work, shortest = operands.met(part, first, last), shortest[some] / 16.0
+    _free(operands, part, work, last, within[some], shortest, own, slivers=False)
     verdict.evaluations[some] += own.evaluations
     solid = own.high <= last
     verdict.high[some[solid]] = own.high[solid]

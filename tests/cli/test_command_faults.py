@@ -173,7 +173,10 @@ def test_a_picture_that_cannot_be_written_leaves_the_old_one(
 
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".webp", ".tif", ".bmp", ".gif"])
-def test_a_disk_that_takes_a_part_of_a_picture(folder: Path, suffix: str, capsys: Any) -> None:
+def test_a_disk_that_takes_a_part_of_a_picture(
+    folder: Path, suffix: str, capsys: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # Python does not notice that its own file is cut
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
     try:
@@ -480,7 +483,7 @@ def full_disk() -> None:
 
 @pytest.mark.parametrize("ending", [".png", ".exr", ".bmp", ".tif"])
 def test_a_full_disk_is_said_in_one_line(folder: Path, ending: str) -> None:
-    cache = {"MESA_SHADER_CACHE_DISABLE": "true"}
+    cache = {"MESA_SHADER_CACHE_DISABLE": "true", "PYTHONDONTWRITEBYTECODE": "1"}
     words = ("render", "hello.py", "-o", f"a{ending}", "--size", "640x360")
     done = spawn(*words, cwd=folder, preexec_fn=full_disk, env=cache)
     assert done.returncode == 2, done.stderr

@@ -56,7 +56,9 @@ def test_the_answer_holds_when_its_settings_are_drawn_again(drawn, scene):
     assert sentence(drawn) in unescape(text)
     assert len(answers(drawn)) == len(BOUNDS)
     assert not broken(text, drawn, scene)
-    coarse = re.sub(r"<code>rm\.Quality\(.*?</code>", "<code>rm.Quality(epsilon=9.0, refinement='none')</code>", text, count=1)
+    coarse = re.sub(
+        r"<code>rm\.Quality\(.*?</code>", "<code>rm.Quality(epsilon=9.0, refinement='none')</code>", text, count=1
+    )
     assert len(broken(coarse, drawn, scene)) == 1, "another setting does not keep it"
 
 
@@ -105,9 +107,7 @@ def test_cheaper_pictures_of_another_kind_are_no_answer(fake):
 def test_bounds_that_nothing_meets_are_left_out(fake):
     fake.points = [p for p in fake.points if p.name in ("epsilon 2", "blind")]
     assert not answers(fake)
-    assert "no setting draws fake within 0.5 px: the most accurate one, epsilon 2, is within 2 px" in sentence(
-        fake
-    )
+    assert "no setting draws fake within 0.5 px: the most accurate one, epsilon 2, is within 2 px" in sentence(fake)
     fake.points = fake.points[1:]
     assert "no setting finds every hit" in sentence(fake)
     assert as_html(fake)

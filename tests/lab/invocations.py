@@ -203,6 +203,7 @@ def start(case: Case, again: bool = False) -> subprocess.Popen[bytes]:
     environment = {name: value for name, value in os.environ.items() if not name.startswith(("LC_", "LANG", "PYTHON"))}
     environment |= {"PYTHONPATH": str(ROOT), "HOME": str(case.folder.parents[1]), "PYTHONDONTWRITEBYTECODE": "1"}
     environment |= {"RAYMARCH_CACHE": str(case.folder.parents[1] / "cache"), **case.encoding}
+    environment["PYTHONDONTWRITEBYTECODE"] = "1"  # Python does not notice that its own file is cut
     command = [sys.executable, "-m", "raymarch", *case.arguments]
     streams = case.streams if not again else "pipes"
     closed = {"no stdout": (1,), "no stderr": (2,), "no stdin": (0,), "none": (0, 1, 2)}.get(streams, ())

@@ -139,3 +139,15 @@ def test_what_keeps_pixels_open_is_named() -> None:
     solid = rm.glsl_node(code, "bumpy", bounds=((-1, -1, -1), (1, 1, 1)), twin=lambda p: np.linalg.norm(p, axis=1) - 1)
     found = rm.prove(rm.Scene(solid, camera=rm.Camera((0, 0, 4))), size=SIZE)
     assert found.open > 0 and any("GLSL of your own" in reason for reason in found.reasons)
+
+
+def test_a_choice_by_a_distance_of_exactly_0() -> None:
+    """Inside, the first of the two distances of a box frame is 0, and stays 0 when it is rounded outwards."""
+    assert rm.prove(rm.box_frame((1.6, 1.2, 1.4), 0.15), size=(32, 32)).share == 1.0
+
+
+def test_where_nothing_is_shown_nothing_is_contradicted() -> None:
+    """A sheet of no thickness holds no point for certain, and no range along the ray is free of it."""
+    sheet = rm.sphere() ^ rm.sphere()
+    found = rm.prove(sheet, rm.truth(rm.sphere(), size=(16, 16)), size=(16, 16))
+    assert found.contradicted == 0 and found.open > 0
