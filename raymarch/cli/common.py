@@ -9,7 +9,7 @@ import select
 import stat
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, redirect_stdout, suppress
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -162,6 +162,21 @@ def piped() -> Iterator[None]:
     finally:
         with suppress(OSError):
             os.close(output)
+
+
+@contextmanager
+def output_to_errors() -> Iterator[None]:
+    """A context in which output goes to the error stream, also that of libraries and of programs that are started."""
+    output = os.dup(1)
+    try:
+        sys.stdout.flush()
+        os.dup2(2, 1)
+        with redirect_stdout(sys.stderr):
+            yield
+    finally:
+        sys.stdout.flush()
+        os.dup2(output, 1)
+        os.close(output)
 
 
 def _open_closed_streams() -> None:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json as json_format
 import sys
-from contextlib import redirect_stdout
 from typing import Annotated
 
 import typer
 
-from raymarch.cli.common import SIZE, CommandError, Output, SceneFile, parse_size
+from raymarch.cli.common import SIZE, CommandError, Output, SceneFile, output_to_errors, parse_size
 from raymarch.plan import explain, plan
 from raymarch.scene.file import load
 from raymarch.shader import assemble
@@ -26,7 +25,7 @@ def run(
     pixels = parse_size(size)
     if json and glsl:
         raise CommandError("--json together with --glsl", legal="one of them; the JSON holds the GLSL as well")
-    with redirect_stdout(sys.stderr):  # for what the scene prints
+    with output_to_errors():  # for what the scene prints
         made = plan(load(scene), size=pixels)
     shader = assemble(made)
     if glsl:

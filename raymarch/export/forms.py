@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import zipfile
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
@@ -69,7 +72,8 @@ def export(
     scene : a Scene, or a node, which is wrapped in one.
     path : file to write. It is written whole or not at all.
         .glsl, .frag: one fragment shader, GLSL 330 core, with the scene's values as initial values of its uniforms.
-            Textures that are too large for constants are arrays of a second file, which ends in .textures.npz.
+            Textures that are too large for constants are arrays of a second file, which ends in .textures.npz. It
+            replaces that of an earlier export, and no other file.
         .wgsl: the functions of the scene for WebGPU: field, gradient, materials, lights, BSDFs.
         .html: a page that draws the scene by WebGL 2, with a slider for each Param, and without a network.
         .stl, .obj, .ply, .glb: a closed triangle mesh; all but .stl with normals, vertex colours and shared vertices.
@@ -108,12 +112,30 @@ def export(
         return made
     form = SHADERTOY if shadertoy else TEXTS[suffix]
     text = import_module(f"raymarch.export.text.{form}").text_of(scene, values)
-    if text.arrays:
-        with written(file.with_suffix(TEXTURES)) as unfinished, unfinished.open("wb") as out:
-            np.savez_compressed(out, **text.arrays)
     with written(file) as unfinished:
         unfinished.write_text(text.text, encoding="utf-8")
+        if text.arrays:
+            _write_textures(file, text.arrays)
     return None
+
+
+def _write_textures(file: Path, arrays: Mapping[str, Any]) -> None:
+    """The second file of a .glsl file. It replaces that of an earlier export of the same name, and no other file."""
+    beside, mark = file.with_suffix(TEXTURES), f"textures of {file.name}".encode(errors="surrogateescape")
+    if os.path.lexists(beside):
+        found = b""
+        with suppress(OSError, zipfile.BadZipFile), zipfile.ZipFile(beside) as before:
+            found = before.comment
+        if found != mark:
+            raise SceneError(
+                f"export: the textures of '{file}' belong into '{beside}', which is another file",
+                legal="another name, or move that file",
+            )
+    with written(beside) as unfinished:
+        with unfinished.open("wb") as out:
+            np.savez_compressed(out, **arrays)
+        with zipfile.ZipFile(unfinished, "a") as archive:
+            archive.comment = mark
 
 
 @checked

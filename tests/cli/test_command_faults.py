@@ -75,6 +75,16 @@ def test_names_and_messages_command_no_terminal(folder: Path, capsys: Any) -> No
     assert "\x1b" not in exported and not re.search(r"^\W*#error", exported, re.M) and "\x9b" not in exported
 
 
+def test_json_is_json_whatever_the_scene_prints(folder: Path) -> None:
+    """Also what libraries in C and programs print that the scene file starts."""
+    (folder / "loud.py").write_text(
+        "import os, raymarch as rm\nprint('one')\nos.write(1, b'two\\n')\nos.system('echo three')\nscene = rm.sphere(1)\n"
+    )
+    done = spawn("explain", "loud.py", "--json", cwd=folder)
+    assert done.returncode == 0 and json.loads(done.stdout)["glsl"]
+    assert {"one", "two", "three"} <= set(done.stderr.split())
+
+
 @pytest.mark.parametrize("line", [100, 1234])
 def test_a_message_shows_the_line_as_a_number(folder: Path, capsys: Any, line: int) -> None:
     """Not as a picture: to some consoles ":100:" is one."""

@@ -15,7 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 import raymarch as rm
-from raymarch.errors import RaymarchError
+from raymarch.errors import RaymarchError, SceneError
 from raymarch.export import inputs
 from raymarch.expr.vocabulary import sin, vec3
 from raymarch.gpu import Renderer
@@ -214,6 +214,26 @@ def test_large_textures_are_samplers_and_arrays(renderer: Renderer, tmp_path: Pa
         grid = gl.texture3d((20, 20, 20), 1, arrays[samples].tobytes(), dtype="f4")
         grid.filter = (gl.NEAREST, gl.NEAREST)
     compare(drawn(renderer, text, {"u_resolution": (64, 48), base: picture_texture, samples: grid}), wanted)
+
+
+def test_textures_replace_no_file_of_the_user(tmp_path: Path) -> None:
+    """Of the files that the export does not name itself, it replaces those of an earlier export alone."""
+    image = np.random.default_rng(3).uniform(0, 1, (64, 64, 3))
+    scene = rm.Scene(rm.box().material(rm.Material(albedo=rm.triplanar(image))))
+    beside = tmp_path / "made.textures.npz"
+    user = (lambda: np.savez(beside, mine=1), lambda: beside.write_text("mine"), lambda: beside.symlink_to("x"))
+    for make in user:
+        make()
+        before = beside.lstat().st_mtime_ns
+        with pytest.raises(SceneError, match=r"belong into '.*made.textures.npz', which is another file"):
+            rm.export(scene, tmp_path / "made.glsl")
+        assert beside.lstat().st_mtime_ns == before and files(tmp_path) == {beside.name}
+        beside.unlink()
+    rm.export(scene, tmp_path / "made.glsl")
+    rm.export(scene, tmp_path / "made.glsl")
+    with pytest.raises(SceneError, match="another file"):
+        rm.export(scene, tmp_path / "made.frag")
+    assert files(tmp_path) == {"made.glsl", beside.name}
 
 
 def test_many_objects_are_rows_of_textures(renderer: Renderer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
