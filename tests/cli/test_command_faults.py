@@ -78,7 +78,8 @@ def test_names_and_messages_command_no_terminal(folder: Path, capsys: Any) -> No
 def test_json_is_json_whatever_the_scene_prints(folder: Path) -> None:
     """Also what libraries in C and programs print that the scene file starts."""
     (folder / "loud.py").write_text(
-        "import os, raymarch as rm\nprint('one')\nos.write(1, b'two\\n')\nos.system('echo three')\nscene = rm.sphere(1)\n"
+        "import os, raymarch as rm\nprint('one')\nos.write(1, b'two\\n')\nos.system('echo three')\n"
+        "scene = rm.sphere(1)\n"
     )
     done = spawn("explain", "loud.py", "--json", cwd=folder)
     assert done.returncode == 0 and json.loads(done.stdout)["glsl"]
