@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from raymarch.gpu import render as render
     from raymarch.gpu.probe import Probe as Probe
     from raymarch.gpu.probe import probe as probe
+    from raymarch.gpu.slices import Slice as Slice
     from raymarch.proof import Proof as Proof
     from raymarch.proof import prove as prove
     from raymarch.scene import *
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-_BUILT_IN = ("abs", "max", "min", "pow")
+_BUILT_IN = ("abs", "hash", "max", "min", "pow")
 """Public names that `from raymarch import *` leaves out, because they would hide Python's own."""
 
 _PACKAGES = frozenset("cost errors expr glsl gpu plan scene sdf shader".split())
@@ -52,6 +53,7 @@ _MODULES = {
     "raymarch.export.notebook": "show",
     "raymarch.gpu": "Frame Renderer render",
     "raymarch.gpu.probe": "Probe probe",
+    "raymarch.gpu.slices": "Slice",
     "raymarch.proof": "Proof prove",
     "raymarch.truth": "Truth truth",
 }
@@ -84,11 +86,31 @@ def __dir__() -> list[str]:
     return sorted({*public, *_BUILT_IN, *_PACKAGES, *(name for name in globals() if name.startswith("__"))})
 
 
+_CALLS = {
+    "plan": "raymarch explain SCENE.py prints the plan",
+    "cost": "raymarch cost SCENE.py measures, rm.cost.compare(scene, frame) compares a frame",
+    "glsl": "node.glsl() is the text of a field, raymarch explain SCENE.py --glsl that of a shader",
+    "scene": "rm.Scene(node, ...)",
+    "shader": "raymarch explain SCENE.py --glsl prints the shader",
+}
+"""What to use for a package that is called as if it were a function."""
+
+
+class _Called(ModuleType):
+    """A package of this one, which says what it is when it is called."""
+
+    def __call__(self, *args: object, **kwargs: object) -> None:
+        name = self.__name__.removeprefix("raymarch.")
+        raise import_module("raymarch.errors").SceneError(f"raymarch.{name} is a package", legal=_CALLS[name])
+
+
 class _Package(ModuleType):
     """This package. A public name is not replaced by a submodule of that name (`truth`), whenever that is imported."""
 
     def __setattr__(self, name: str, value: object) -> None:
         if name not in _SOURCES or not isinstance(value, ModuleType):
+            if name in _CALLS and type(value) is ModuleType:
+                value.__class__ = _Called
             super().__setattr__(name, value)
 
 

@@ -76,7 +76,7 @@ class RaymarchError(Exception):
         return printable(f"{place}{self.what}{cure}")
 
 
-class SceneError(RaymarchError):
+class SceneError(RaymarchError, ValueError):
     """An invalid scene: a value out of range, a wrong type, a scene file without a scene."""
 
 

@@ -109,7 +109,7 @@ def parse_slice(text: str) -> Slice:
         x, y, z = normal
         if not equals or not np.all(np.isfinite([x, y, z, float(offset)])) or (x, y, z) == (0.0, 0.0, 0.0):
             raise ValueError
-        return Slice.across((x, y, z), float(offset))
+        return Slice((x, y, z), float(offset))
     except ValueError:
         raise CommandError(
             f"--slice {text}", legal="x, y or z, or a normal such as 1,0,1, then = and a number: y=0.5"

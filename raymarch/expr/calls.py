@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, TypeVar
 
 from raymarch.errors import SceneError
+from raymarch.expr.convert import short
 from raymarch.expr.peers import meant
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -83,6 +84,7 @@ def bad_call(
         return SceneError(f"{what} takes up to {taken}, {len(args)} were given", legal=legal)
     for name in names[: len(args)]:
         if name in kwargs:
-            return SceneError(f"{what} was given '{name}' twice", legal=legal)
+            first, second = short(args[names.index(name)]), short(kwargs[name])
+            return SceneError(f"{what} was given '{name}' twice, {first} and {second}", legal=legal)
     missing = [name for name in names[len(args) :] if name in needed and name not in kwargs]
     return SceneError(f"{what} needs '{missing[0]}'", legal=legal) if missing else None

@@ -23,6 +23,7 @@ from raymarch.expr.calls import checked
 from raymarch.expr.colors import linear_color
 from raymarch.expr.convert import numbers, short
 from raymarch.expr.node import Expr, Operand, construct, expr, var
+from raymarch.expr.peers import OF_SOLIDS
 from raymarch.expr.types import FLOAT, vector
 
 __all__ = ["abs", "ceil", "clamp", "floor", "fract", "max", "min", "mix", "mod", "sign", "smoothstep", "step", "where"]
@@ -66,6 +67,8 @@ def _of_arrays(function: Callable[P, Expr], called: str, legal: str, vectors: bo
         given = _arguments(signature, called, args, kwargs)
         if builtins.any(map(_holds_expression, given)):
             return function(*args, **kwargs)
+        if (solid := next((a for a in given if hasattr(a, "complement")), None)) is not None:
+            raise SceneError(f"{called} of a solid ({solid.name})", legal=OF_SOLIDS.get(called, legal))
         arrays = [numbers(f"{called}: argument", linear_color(f"{called}: argument", a, legal), legal) for a in given]
         shapes = " and ".join(str(a.shape) for a in arrays)
         sizes = [a.shape[-1] if vectors and a.shape else 1 for a in arrays]

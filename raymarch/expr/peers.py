@@ -25,22 +25,22 @@ FUNCTIONS = _keys(
         "add join merge group combine together opunion": "a | b, or rm.union(*nodes)",
         "subtract subtraction cut minus opsubtraction": "a - b, or rm.difference(a, b)",
         "intersect common opintersection": "a & b, or rm.intersection(a, b)",
-        "cube cuboid block sdbox": "rm.box((1, 1, 1))",
-        "ball sdsphere uvsphere icosphere": "rm.sphere(1)",
-        "donut sdtorus": "rm.torus(major=1, minor=0.25)",
-        "ground halfspace groundplane sdplane": "rm.plane(offset=0)",
-        "cappedcylinder tube rod sdcylinder": "rm.cylinder(radius=1, height=2)",
+        "cube cuboid block sdbox boxgeometry": "rm.box((1, 1, 1))",
+        "ball sdsphere uvsphere icosphere spheregeometry": "rm.sphere(1)",
+        "donut sdtorus torusgeometry": "rm.torus(major=1, minor=0.25)",
+        "ground halfspace groundplane sdplane planegeometry": "rm.plane(offset=0)",
+        "cappedcylinder tube rod sdcylinder cylindergeometry": "rm.cylinder(radius=1, height=2)",
         "cappedcone frustum sdcone": "rm.cone(radius=0.9, height=1.6, top=0.4)",
-        "roundbox sdroundbox": "rm.rounded_box(...)",
+        "roundbox sdroundbox roundedboxgeometry": "rm.rounded_box(...)",
         "boxframe wireframebox sdboxframe": "rm.box_frame(...)",
         "segment": "rm.capsule(a, b, radius)",
-        "rect square2d": "rm.rectangle(...)",
+        "rect square square2d": "rm.rectangle(...)",
         "ngon": "rm.regular_polygon(...)",
         "annulus": "rm.ring(...)",
         "rotatex rotatey rotatez": 'node.rotate(angle, "x"), with the angle in radians',
         "movex movey movez move": "node.translate((x, y, z))",
-        "lathe": "flat.revolve(offset)",
-        "onion hollow": "node.shell(thickness)",
+        "lathe rotateextrude lathegeometry": "flat.revolve(offset)",
+        "onion hollow oponion": "node.shell(thickness)",
         "light lights": "rm.Sun, rm.PointLight, rm.SpotLight or rm.SphereLight",
         "directionallight sunlight distantlight": "rm.Sun(direction)",
         "pointlamp omnilight": "rm.PointLight(position)",
@@ -51,10 +51,24 @@ FUNCTIONS = _keys(
         "occlusion ao ambientocclusion": "rm.AmbientOcclusion()",
         "tone tonemap tonemapper": 'rm.ToneMapping("aces")',
         "glow glare unrealbloompass": "rm.Bloom(strength, radius), in Scene(post=[...])",
+        "oprep oprepetition pmod": "node.repeat(spacing, count)",
+        "optwist": "node.twist(rate)",
+        "opround": "node.round(radius)",
         "settings options renderoptions rendersettings": "rm.Quality(...)",
         "slider parameter uniform": "rm.Param(name, value, min, max)",
-        "physicalmaterial pbr pbrmaterial principled phong lambert": "rm.Material(...)",
+        "physicalmaterial pbr pbrmaterial principled principledbsdf phong lambert meshstandardmaterial "
+        "meshbasicmaterial meshphysicalmaterial meshphongmaterial meshlambertmaterial": "rm.Material(...)",
         "image2d loadimage": "rm.planar(picture) for a texture, rm.image(file) for a flat shape",
+        "texture texture2d sampler": "rm.planar(picture) or rm.triplanar(picture)",
+        "iresolution resolution": "size=(width, height), of rm.render and rm.Renderer",
+        "imouse mouse": "rm.Param(name, value, min, max), a slider",
+        "perspectivecamera orthographiccamera lookat": "rm.Camera(position, target)",
+        "webglrenderer": "rm.Renderer(size)",
+        "inversesqrt rsqrt": "1 / rm.sqrt(x)",
+        "reflect": "v - 2 * rm.dot(v, n) * n",
+        "mat2 mat3 mat4 matrix": "node.transform(matrix), with an array of shape (3, 3) or (4, 4)",
+        "import importstl importmesh loadmesh": "rm.mesh(file)",
+        "surface": "rm.heightmap(heights)",
         "lerp": "rm.mix(a, b, t)",
         "saturate": "rm.clamp(x, 0, 1)",
         "frac": "rm.fract(x)",
@@ -74,7 +88,7 @@ FUNCTIONS = _keys(
         "display view": "rm.show(scene), or the command `raymarch view SCENE.py`",
         "rgb color colour hex srgb": 'a tuple (r, g, b) of linear RGB, or "#ff8800", "orange", rm.vec3("orange") * 2',
         "hsv hsl hsvtorgb hsv2rgb": "colorsys.hsv_to_rgb(h, s, v), of Python",
-        "save write": 'rm.render(scene).save("picture.png")',
+        "save write": 'rm.render(scene).save("picture.png"), or rm.export(scene, "a.stl")',
         "trace raymarch raytrace": "rm.render(scene)",
         "elapsed t seconds": "rm.time",
         "x y z p position": "a function of the point, such as lambda p: rm.sin(p.x), for .displace_by or a Material",
@@ -96,7 +110,12 @@ FUNCTIONS = _keys(
         "emissive": "rm.Material(emission=...)",
         "volume volumetric smoke fire godrays": "rm.Fog(...), which is the only volume",
         "rotation rot rot2d": "node.rotate(angle, axis)",
-        "degrees radians deg2rad deg rad": "math.radians(angle)",
+        "degrees rad2deg deg": "math.degrees(angle)",
+        "radians deg2rad rad": "math.radians(angle)",
+        "clip": "rm.clamp(x, low, high) for a number, a & b for solids",
+        "loft blendprofiles": "flat.extrude_to(other, height)",
+        "raycast intersectray pick": "rm.probe(scene, pixel)",
+        "hull convexhull minkowski": "node.offset(distance) for the sum with a ball; there is no convex hull",
         "linspace arange array range": "numpy's function of that name",
         "savepng savefig imsave": 'rm.render(scene).save("picture.png")',
         "imshow": "rm.show(scene)",
@@ -126,14 +145,17 @@ METHODS = _keys(
         "resize size stretch scaled": "scale(factor)",
         "flip reflect mirrorx mirrory mirrorz symmetry": 'mirror("x")',
         "grow inflate dilate erode shrink": "offset(distance)",
-        "rounded fillet smooth": "round(radius)",
+        "rounded fillet smooth bevel chamfer": "round(radius)",
         "lathe revolution": "revolve(offset)",
+        "clone copy duplicate": "translate((x, y, z)): nodes do not change, so one may stand in several places",
+        "k": "union(other, k=0.2)",
         "invert inverse negate": "complement()",
         "bbox boundingbox aabb extent": "bounds",
         "sdf evaluate eval value": "distance(points)",
         "normal normals": "gradient(points)",
         "shader code": "glsl()",
-        "render save": "rm.render(rm.Scene(node))",
+        "render": "rm.render(node)",
+        "save write export": 'rm.export(node, "a.stl") for a file, rm.render(node).save("a.png") for a picture',
         "show view display": "rm.Scene(node).show()",
         "volume area surfacearea mass centroid centerofmass massproperties measure": "rm.triangulate(node).volume",
         "generate marchingcubes tomesh vertices faces triangles": "rm.triangulate(node)",
@@ -155,7 +177,8 @@ PARAMETERS = _keys(
         "ao aomap": "occlusion",
         "lookat at center centre look": "target",
         "pos eye origin location lookfrom from": "position",
-        "fieldofview fovy angle": "fov",
+        "fieldofview fovy": "fov",
+        "angle": "half_angle softness fov",
         "ortho orthographic": "projection",
         "znear nearclip": "near",
         "zfar farclip": "far",
@@ -167,27 +190,37 @@ PARAMETERS = _keys(
         "light lamps": "lights",
         "object objects shape shapes geometry root sdf solid": "node",
         "tonemap tonemapping": "tone",
-        "maxbounces depth maxdepth": "bounces",
+        "maxbounces depth maxdepth": "bounces depth height",
         "spp samplesperpixel aa antialiasing": "samples",
         "steps maxiterations iterations": "max_steps",
         "power energy brightness strength": "intensity",
         "shadows castshadow castshadows": "shadow",
         "dir": "direction",
-        "cutoff radius": "range",
-        "r rad diameter": "radius",
+        "cutoff": "range half_angle",
+        "radius": "range width major minor outer",
+        "r d rad diameter": "radius size",
         "fontsize": "height",
-        "dimensions dims extents width": "size",
+        "dimensions dims extents": "size extent",
+        "size": "extent scale height radius width",
+        "width": "size extent",
         "h length": "height",
+        "height": "offset level size",
+        "y level distance translation offsets": "offset",
         "resolution": "cells",
         "smooth smoothing blendradius": "k",
-        "offsets distance translation y level": "offset",
         "n num copies": "count",
         "colors colours values": "materials",
         "period cell step": "spacing",
-        "degrees theta radians": "angle",
+        "rotation rotate": "turn rotation angle",
+        "degrees theta radians": "angle rotation turn",
+        "frequency freq": "rate scale size",
+        "seed": "phase",
+        "thickness": "width minor",
+        "r1 radius1 outerradius majorradius": "major outer radius",
+        "r2 radius2 innerradius tubeheight minorradius tube": "minor inner",
     }
 )
-"""Names of parameters. A row is used where a function has the parameter."""
+"""Names of parameters. The first name of a row that a function has is the one that is meant."""
 
 WITHOUT = _keys(
     {
@@ -251,7 +284,24 @@ def _nearest(name: str, names: Collection[str]) -> str | None:
     if same or parts:
         return (same or sorted(parts, key=len))[0]
     close = get_close_matches(name.lower(), list(names), 1, NEAR)
-    return close[0] if close else None
+    return next(iter(close), None) or next((known for known in names if _slip(name.lower(), known.lower())), None)
+
+
+def _slip(typed: str, name: str) -> bool:
+    """True for a slip of the fingers: two neighbouring letters are exchanged, or one is the next key of its row."""
+    differ = [i for i, (a, b) in enumerate(zip(typed, name, strict=False)) if a != b]
+    if len(typed) != len(name) or not differ or differ[-1] - differ[0] > 1:
+        return False
+    first, last = differ[0], differ[-1]
+    if first != last:
+        return typed[first] == name[last] and typed[last] == name[first]
+    a, b = (row.find(c) for c in (typed[first], name[first]) for row in [_row_of(typed[first])])
+    return a >= 0 and b >= 0 and a - b in (-1, 1)
+
+
+def _row_of(letter: str) -> str:
+    """The row of keys that a letter is on."""
+    return next((row for row in ("qwertyuiop", "asdfghjkl", "zxcvbnm") if letter in row), "")
 
 
 def meant(name: str, known: Sequence[str]) -> str:
@@ -259,10 +309,8 @@ def meant(name: str, known: Sequence[str]) -> str:
 
     known : the parameters that are legal.
     """
-    other = PARAMETERS.get(key(name))
-    if other not in known and key(name) == "size":  # of a shape that has another measure
-        other = next((measure for measure in ("height", "radius") if measure in known), None)
-    if other in known:
+    other = next((other for other in PARAMETERS.get(key(name), "").split() if other in known), None)
+    if other is not None:
         return f"did you mean '{other}'? "
     close = _nearest(name, known)
     if close is not None:
@@ -288,9 +336,11 @@ def unknown_function(name: str, names: Collection[str], methods: Collection[str]
 
 def unknown_attribute(owner: str, name: str, names: Collection[str], methods: bool = False) -> UnknownNameError:
     """The error for an attribute that a node or a part of a scene does not have. methods : True for a node."""
-    text = METHODS.get(key(name)) if methods else PARAMETERS.get(key(name))
-    if text is None or (not methods and text not in names):
-        text = _nearest(name, names)
+    if methods:
+        text = METHODS.get(key(name))
+    else:
+        text = next((other for other in PARAMETERS.get(key(name), "").split() if other in names), None)
+    text = text or _nearest(name, names)
     if text is not None:
         legal = f"did you mean {'' if text.startswith('rm.') else '.'}{text}?"
     elif owner == "a Scene" and key(name) in WITH_SCENES:
@@ -300,6 +350,28 @@ def unknown_attribute(owner: str, name: str, names: Collection[str], methods: bo
     return UnknownNameError(f"{owner} has no '{name}'", legal=legal)
 
 
-def refused_operator(symbol: str, left: str, right: str) -> SceneError:
-    """The error for an operator that nodes do not have."""
-    return SceneError(f"{left} {symbol} {right}", legal=f"use {OPERATORS[symbol]}")
+ALONE = {
+    "-": "node.complement() for the outside, a - b for the difference",
+    "+": "the node itself",
+    "~": "node.complement()",
+    "abs": "node.shell(thickness) for a hollow solid",
+    "<": "a | b in place of min(a, b), a & b in place of max(a, b)",
+    ">": "a & b in place of max(a, b), a | b in place of min(a, b)",
+}
+"""Signs, functions and comparisons of Python that nodes do not have."""
+
+OF_SOLIDS = {
+    "min": "a | b for the union, rm.union(a, b, k=0.2) for a smooth one",
+    "max": "a & b for the intersection, a - b for the difference",
+    "abs": ALONE["abs"],
+    "mix": "rm.morph(a, b, t)",
+    "length": "node.bounds",
+}
+"""Functions of numbers that are called with solids, and what to use in their place."""
+
+
+def refused_operator(symbol: str, left: str, right: str | None = None) -> SceneError:
+    """The error for an operator that nodes do not have. right : None for a sign."""
+    if right is None:
+        return SceneError(f"{symbol}({left})" if symbol == "abs" else f"{symbol}{left}", legal=f"use {ALONE[symbol]}")
+    return SceneError(f"{left} {symbol} {right}", legal=f"use {(ALONE if symbol in '<>' else OPERATORS)[symbol]}")

@@ -35,7 +35,7 @@ from raymarch.scene.fog import Fog
 from raymarch.scene.legal import violations
 from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.post import PostEffect
-from raymarch.scene.quality import MOST_SAMPLES, SINGLE_PASS
+from raymarch.scene.quality import MOST_SAMPLES, SINGLE_PASS, Quality
 from raymarch.scene.scene import Scene, as_scene
 from raymarch.scene.sky import Sky
 from raymarch.sdf.node import Node
@@ -567,15 +567,18 @@ def render(
     strict: bool = False,
     alpha: bool = False,
     samples: int | None = None,
+    quality: Quality | None = None,
 ) -> Image.Image:
     """Render a picture of a scene, or of a solid, as 8-bit sRGB; with `alpha`, as RGBA with a transparent sky.
 
-    `samples` is the number of rays per pixel, against aliasing and noise, in place of that of the scene's quality; 16
-    smooth the edges. For many frames use one `Renderer`, which compiles once; parameters and errors are those of
-    `Renderer` and `Renderer.render`. Each of `Frame.doubts` is emitted as a RenderWarning. With `strict` doubts raise
-    RenderError, and too many rays that run out of steps are a doubt, too.
+    `quality` replaces the scene's quality. `samples` is the number of rays per pixel, against aliasing and noise, in
+    place of that of the quality; 16 smooth the edges. For many frames use one `Renderer`, which compiles once;
+    parameters and errors are those of `Renderer` and `Renderer.render`. Each of `Frame.doubts` is emitted as a
+    RenderWarning. With `strict` doubts raise RenderError, and too many rays that run out of steps are a doubt, too.
     """
     scene = as_scene("render", scene)
+    if quality is not None:
+        scene = scene.replace(quality=quality)
     if samples is not None:
         scene = scene.replace(quality=scene.quality.replace(samples=samples))
     with Renderer(size, backend, strict=strict) as renderer:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
+from raymarch.expr.convert import numbers, short
 from raymarch.gpu.scale import Scale, nice
 from raymarch.scene.camera import Pose
 from raymarch.scene.scene import Scene
+from raymarch.scene.value import Value, value
 
 SCALE = Scale("|gradient| - 1", -1.0, 1.0, colors="coolwarm")
 APART = 8.0
@@ -21,24 +22,31 @@ FLAT = 1e-3
 so that none is drawn."""
 
 
-@dataclass(frozen=True, slots=True)
-class Slice:
-    """The plane dot(normal, p) = offset, with a normal of length 1: the output "slice" with its parameter."""
+@value
+class Slice(Value):
+    """The plane dot(normal, p) = offset: the output "slice" of `Renderer.render` with its parameter.
+
+    normal : a direction of any length > 0; it is kept with length 1, and the offset divided by its length.
+    offset : the plane's distance from the origin along the normal, times the length of `normal`.
+
+    Raises SceneError if that is no plane.
+    """
 
     output: ClassVar[str] = "slice"
 
     normal: tuple[float, float, float]
     offset: float
 
-    @staticmethod
-    def across(normal: tuple[float, float, float], offset: float = 0.0) -> Slice:
-        """The plane dot(normal, p) = offset for a normal of any length > 0. SceneError if it is no plane."""
-        given = np.asarray((*normal, offset), np.float64)
+    def __init__(self, normal: tuple[float, float, float], offset: float = 0.0) -> None:
+        legal = "three numbers, not all 0, and a number"
+        given = np.append(numbers("Slice: normal", normal, legal), numbers("Slice: offset", offset, legal))
         length = float(np.linalg.norm(given[:3])) if given.shape == (4,) else 0.0
         if not (np.all(np.isfinite(given)) and length > 0.0):
-            raise SceneError(f"slice: normal {normal}, offset {offset}", legal="three numbers, not all 0, and a number")
-        x, y, z = (float(v) / length for v in given[:3])
-        return Slice((x, y, z), float(given[3]) / length)
+            raise SceneError(f"Slice: normal = {short(normal)}, offset = {short(offset)}", legal=legal)
+        if abs(length - 1.0) > 1e-15:
+            given = given / length
+        x, y, z, away = map(float, given)
+        self._set(normal=(x, y, z), offset=away)
 
     @staticmethod
     def facing(scene: Scene, pose: Pose) -> Slice:

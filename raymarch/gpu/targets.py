@@ -13,7 +13,7 @@ import moderngl
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raymarch.errors import DeviceError
+from raymarch.errors import DeviceError, SceneError
 from raymarch.expr.convert import plain, short
 from raymarch.expr.samples import Samples
 from raymarch.expr.tables import Table
@@ -249,7 +249,7 @@ def _checked_size(context: Context, size: tuple[int, int]) -> tuple[int, int]:
     try:
         width, height = size
     except (TypeError, ValueError):
-        raise DeviceError(f"size={short(size)}", legal="legal: (width, height) in pixels") from None
+        raise SceneError(f"size = {short(size)}", legal="(width, height) in pixels, such as (640, 360)") from None
     widest, highest = context.limits.picture
     return _checked("width", width, widest), _checked("height", height, highest)
 

@@ -17,6 +17,7 @@ from raymarch.expr import vocabulary as v
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import choice, instance, optional, real, short
+from raymarch.expr.degrees import suspect_radians
 from raymarch.expr.node import Expr, Operand, expr, var
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.scene.parameter import Values, as_number, as_vec3, is_zero
@@ -186,6 +187,7 @@ class Camera(Part):
                 f"Camera: height = {short(height)} with projection='perspective'",
                 legal="projection='orthographic', or fov=... in place of height",
             )
+        suspect_radians("Camera: fov", fov)
         if direction is not None and position is not None:
             what = f"Camera: direction = {short(direction)} with a position"
             raise SceneError(what, legal="a direction from the target, or a position")

@@ -126,12 +126,13 @@ def _find(namespace: types.ModuleType, name: str) -> Scene:
 def _called(make: Callable[..., Any], where: Location) -> Any:
     """The result of a scene function. SceneError, at the line of the function, if it has required parameters."""
     code = getattr(make, "__code__", None)
-    with suppress(ValueError):  # some built-in functions have no signature
-        try:
-            inspect.signature(make).bind()
-        except TypeError as fault:
-            where = Location(code.co_filename, code.co_firstlineno) if code else where
-            raise SceneError(f"'scene' is a function: {fault}", legal="one without parameters", where=where) from None
+    try:
+        inspect.signature(make).bind()
+    except TypeError as fault:
+        where = Location(code.co_filename, code.co_firstlineno) if code else where
+        raise SceneError(f"'scene' is a function: {fault}", legal="one without parameters", where=where) from None
+    except ValueError:  # some built-in functions have no signature
+        pass
     return make()
 
 

@@ -185,6 +185,8 @@ class Quality(Value):
     bounding_volumes: bool | None = None
 
     def __post_init__(self) -> None:
+        if isinstance(self.tracer, str) and self.tracer in PRESETS:
+            raise SceneError(f"Quality: tracer = {self.tracer!r}", legal=f"rm.Quality.preset({self.tracer!r})")
         self._set(
             **{n: choice(f"Quality: {n}", getattr(self, n), legal) for n, legal in _CHOICES.items()},
             **{n: optional(integer, f"Quality: {n}", getattr(self, n), *ends) for n, ends in _WHOLE.items()},

@@ -14,6 +14,7 @@ from raymarch.errors import SceneError
 from raymarch.expr.calls import checked
 from raymarch.expr.colors import linear_color
 from raymarch.expr.convert import choice, instance, optional, short
+from raymarch.expr.degrees import suspect_degrees
 from raymarch.expr.derivative import directional_derivatives
 from raymarch.expr.function import sum_of
 from raymarch.expr.node import Expr, expr
@@ -60,6 +61,7 @@ class Layout(Value):
         what: str = "texture",
     ) -> None:
         what = instance("Layout: what", what, str, "the name of the caller, for messages")
+        suspect_degrees(f"{what}: rotation", turn)
         self._set(
             axis=optional(choice, f"{what}: axis", axis, tuple(FACES)),
             extents=_pair(f"{what}: size", extents, "a length > 0, or two", LEAST_LENGTH),

@@ -178,6 +178,13 @@ def smooth_difference(p: Expr, children: Sequence[Child], k: Positive, family: W
     return -fold(-children[0](p), balanced([child(p) for child in children[1:]], fold))
 
 
+def _no_node(name: str, given: object) -> SceneError:
+    """The error for an operand that is no node; a number is taken for the width of a blend."""
+    width = isinstance(given, float)
+    legal = f"k={given} to blend the nodes" if width else f"nodes such as sphere(); of a list, {name}(*nodes)"
+    return SceneError(f"{name} of {described(given)}", legal=legal)
+
+
 def _choose(name: str, nodes: tuple[Node, ...], k: Any, blend: str, steps: int, hard: Any, smooth: Any) -> Node:
     if len(nodes) < 1:
         raise SceneError(f"{name} of no nodes", legal="one node or more")
@@ -190,7 +197,7 @@ def _choose(name: str, nodes: tuple[Node, ...], k: Any, blend: str, steps: int, 
         k = max(width, LEAST_WIDTH)
     for node in nodes:
         if not isinstance(node, Node):
-            raise SceneError(f"{name} of {described(node)}", legal=f"nodes such as sphere(); of a list, {name}(*nodes)")
+            raise _no_node(name, node)
     sharp = width.is_constant and width.type is FLOAT and float(width.data) == 0.0
     if sharp and hard is not hard_difference:  # the union of a solid with itself is the solid
         nodes = tuple({id(node): node for node in nodes}.values())

@@ -15,6 +15,7 @@ import numpy as np
 
 from raymarch.errors import SceneError
 from raymarch.expr.convert import choice, short
+from raymarch.expr.degrees import suspect_degrees
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.types import VEC3
@@ -99,6 +100,7 @@ def twist(node: Node, rate: Scalar = 1.0) -> Node:
     A bound: divided by (m + sqrt(m^2 + 4)) / 2, where m is rate times the largest distance of the solid from the axis.
     The solid must be bounded along x and z.
     """
+    suspect_degrees("twist: rate", rate, "radians per unit")
     return twist_about_y(node, rate, _reach(node, "twist", "xz"))
 
 
@@ -125,6 +127,7 @@ def bend(node: Node, rate: Scalar = 0.5) -> Node:
     A bound: divided by 1 + rate times the largest distance of the solid from the z axis. The solid must be bounded
     along x and y.
     """
+    suspect_degrees("bend: rate", rate, "radians per unit")
     return bend_about_z(node, rate, _reach(node, "bend", "xy"))
 
 

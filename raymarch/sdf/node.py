@@ -368,6 +368,20 @@ def _shown(operand: object) -> str:
 
 
 _OPERATORS = {"+": "add", "*": "mul", "/": "truediv", "@": "matmul", "**": "pow", "%": "mod", "-": "sub"}
+
+
+def _refused_alone(symbol: str) -> Callable[..., Any]:
+    """The method of a sign or a comparison that nodes do not have."""
+
+    def alone(self: Node, *others: object) -> Any:
+        raise refused_operator(symbol, self.name, *map(_shown, others))
+
+    return alone
+
+
+for _symbol, _names in {"-": "neg", "+": "pos", "~": "invert", "abs": "abs", "<": "lt le", ">": "gt ge"}.items():
+    for _name in _names.split():
+        setattr(Node, f"__{_name}__", _refused_alone(_symbol))
 for _symbol in OPERATORS:
     _left, _right = _refused(_symbol)
     if _symbol != "-":

@@ -9,8 +9,9 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from raymarch.errors import Location, SceneError, user_location, warn
-from raymarch.expr.convert import described, holdable, numbers, plain, short
+from raymarch.errors import SceneError
+from raymarch.expr.convert import described, holdable, numbers, short
+from raymarch.expr.degrees import suspect_degrees
 from raymarch.expr.node import Expr, const, expr
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import (
@@ -130,26 +131,12 @@ def turn(p: Expr, child: Child, angle: Angle) -> Expr:
     return child(vec2(c * p.x + s * p.y, c * p.y - s * p.x))
 
 
-DEGREES = frozenset({30, 45, 60, 90, 120, 135, 150, 180, 225, 270, 315, 360})
-"""Usual angles in degrees. None of them is a usual angle in radians."""
-
-_suspected: set[Location | None] = set()
-"""The lines that were warned of; a line of a loop warns once."""
-
-
 def _check_angle(what: str, angle: Any) -> None:
     """SceneError for what looks like an axis; a SceneWarning for a number that is likely an angle in degrees."""
     if isinstance(angle, str | tuple | list):
         legal = f'an angle in radians, then an axis: {what}(0.5, "y")'
         raise SceneError(f"{what}: angle = {short(angle)}", legal=legal)
-    given: Any = plain(angle)
-    if isinstance(given, bool) or not isinstance(given, int | float) or not {given, -given} & DEGREES:
-        return
-    where = user_location()
-    if where not in _suspected:
-        _suspected.add(where)
-        turns = f"{math.fabs(given) / math.tau:.1f}"
-        warn(f"{what}: angle = {given:g} radians is {turns} turns (for degrees, math.radians({given:g}))", where)
+    suspect_degrees(f"{what}: angle", angle)
 
 
 @method

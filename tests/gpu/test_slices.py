@@ -29,9 +29,7 @@ def points_of(frame: rm.Frame, plane: Slice) -> np.ndarray:
     return np.where(t[..., None] >= 0, frame.pose.position + t[..., None] * rays, np.nan)
 
 
-@pytest.mark.parametrize(
-    "plane", [Slice.across((0, 0, 1), 0.25), Slice.across((0, 1, 0), -0.5), Slice.across((1, 2, 3), 1.0)]
-)
+@pytest.mark.parametrize("plane", [Slice((0, 0, 1), 0.25), Slice((0, 1, 0), -0.5), Slice((1, 2, 3), 1.0)])
 def test_values_are_those_of_the_field(egl: Context, plane: Slice) -> None:
     node = rm.box((1, 1.5, 1)) - rm.sphere(0.8) | rm.torus(1.5, 0.2).rotate(1.0, "x")
     frame = rendered(egl, rm.Scene(node, CAMERA), plane)
@@ -47,8 +45,8 @@ def test_values_are_those_of_the_field(egl: Context, plane: Slice) -> None:
 
 def test_a_field_that_is_no_distance_shows_in_its_slope(egl: Context) -> None:
     node = rm.sphere().scale((1, 0.5, 1))
-    frame = rendered(egl, rm.Scene(node, CAMERA), Slice.across((0, 0, 1)))
-    at = points_of(frame, Slice.across((0, 0, 1)))
+    frame = rendered(egl, rm.Scene(node, CAMERA), Slice((0, 0, 1)))
+    at = points_of(frame, Slice((0, 0, 1)))
     far = np.linalg.norm(at, axis=-1) > 1.2
     assert np.abs(frame.slice[far][:, 1] - np.linalg.norm(node.gradient(at[far]), axis=-1)).max() < 1e-4
     assert frame.slice[far][:, 1].min() < 0.6 and frame.slice[far][:, 1].max() <= 1 + 1e-5
@@ -62,7 +60,7 @@ def test_other_normals_and_schedules_do_not_matter(egl: Context) -> None:
 
 
 def test_a_plane_behind_the_camera_is_not_met(egl: Context) -> None:
-    frame = rendered(egl, rm.Scene(rm.sphere(), CAMERA), Slice.across((0, 0, 1), 6.0))
+    frame = rendered(egl, rm.Scene(rm.sphere(), CAMERA), Slice((0, 0, 1), 6.0))
     assert np.isnan(frame.slice).all()
     assert not np.asarray(picture(frame, "slice", rm.Scene(rm.sphere()))).any()
 
@@ -77,12 +75,12 @@ def test_without_a_plane_it_faces_the_camera_through_the_middle(egl: Context) ->
 
 
 def test_planes() -> None:
-    plane = Slice.across((0, -2, 0), 1.0)
+    plane = Slice((0, -2, 0), 1.0)
     assert (plane.normal, plane.offset) == ((0.0, -1.0, 0.0), 0.5)
-    assert Slice.across((3, 0, 4), 10.0) == Slice((0.6, 0.0, 0.8), 2.0)
+    assert Slice((3, 0, 4), 10.0) == Slice((0.6, 0.0, 0.8), 2.0)
     for normal, offset in (((0, 0, 0), 1.0), ((1, np.nan, 0), 1.0), ((1, 0, 0), np.inf), ((1, 0), 0.0)):
-        with pytest.raises(SceneError, match=r"slice: normal .* \(three numbers"):
-            Slice.across(normal, offset)  # type: ignore[arg-type]
+        with pytest.raises(SceneError, match=r"Slice: normal .* \(three numbers"):
+            Slice(normal, offset)  # type: ignore[arg-type]
 
 
 def ramp(per_pixel: float, start: float, width: int = 400) -> np.ndarray:
@@ -144,7 +142,7 @@ def test_the_bar_says_how_far_lines_are_apart(egl: Context) -> None:
 
 def test_a_scene_far_away_is_sliced_as_at_home(egl: Context) -> None:
     away = np.array([4096.0, 0, -8192])
-    plane = Slice.across((1, 1, 2), 0.5)
+    plane = Slice((1, 1, 2), 0.5)
     node = rm.box((1, 1.5, 1)) | rm.torus(1.5, 0.2)
     moved = rm.Camera(
         position=(away + np.array([0.3, 0.2, 5])).tolist(), target=(away + np.array([0.1, 0, 0])).tolist(), fov=50

@@ -214,6 +214,7 @@ NEEDED: dict[str, dict[str, Any]] = {
     "show": {"scene": rm.box()},
     "sampled": {"values": BALL},
     "colormap": {"value": 0.5},
+    "Slice": {"normal": (0, 1, 0)},
 }
 NEEDED |= {name: {"x": 0.5} for name in "acos asin atan ceil cos cosh exp exp2 floor fract log log2 sign sin".split()}
 NEEDED |= {name: {"x": 0.5} for name in "sinh sqrt tan tanh".split()}

@@ -1,0 +1,50 @@
+"""Warnings of angles that look like the other unit."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from raymarch.errors import Location, user_location, warn
+from raymarch.expr.convert import plain
+
+DEGREES = frozenset({30, 45, 60, 90, 120, 135, 150, 180, 225, 270, 315, 360})
+"""Usual angles in degrees. None of them is a usual angle in radians."""
+
+RADIANS = (0.5, 1.6)
+"""A field of view between so many degrees is likely an angle in radians, 29 to 92 degrees, except 1 itself."""
+
+_suspected: set[tuple[str, Location | None]] = set()
+"""The parameters and lines that were warned of; a line of a loop warns once."""
+
+
+def _number(value: Any) -> float | None:
+    given: Any = plain(value)
+    if isinstance(given, bool) or not isinstance(given, int | float) or not abs(given) < 1e6:
+        return None
+    return float(given)
+
+
+def _warn_once(what: str, message: str) -> None:
+    where = user_location()
+    if (what, where) not in _suspected:
+        _suspected.add((what, where))
+        warn(message, where)
+
+
+def suspect_degrees(what: str, angle: Any, unit: str = "radians") -> None:
+    """A SceneWarning for a number of radians that is a usual angle in degrees.
+
+    what : the parameter, as in "rotate: angle". unit : "radians", or "radians per unit".
+    """
+    given = _number(angle)
+    if given is not None and abs(given) in DEGREES:
+        turns = f"{math.fabs(given) / math.tau:.1f} turns{unit.removeprefix('radians')}"
+        _warn_once(what, f"{what} = {given:g} {unit} is {turns} (for degrees, math.radians({given:g}))")
+
+
+def suspect_radians(what: str, angle: Any) -> None:
+    """A SceneWarning for a number of degrees from 0.5 to 1.6, which is likely an angle in radians."""
+    given = _number(angle)
+    if given is not None and RADIANS[0] <= given <= RADIANS[1] and given != 1.0:
+        _warn_once(what, f"{what} = {given:g} degrees sees almost nothing (for radians, math.degrees({given:g}))")
