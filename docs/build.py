@@ -50,7 +50,7 @@ SECTIONS = {
     "Solids from flat shapes": ("profiles",),
     "Curves": ("curves",),
     "Fractals and periodic surfaces": ("fractals", "folds", "periodic"),
-    "Data and GLSL": ("sampled", "raw"),
+    "Functions, data and GLSL": ("implicit", "sampled", "raw"),
     "Unions, intersections, differences": ("booleans", "joints"),
     "Place, size and material": ("placing", "visibility"),
     "Copies": ("repetition", "copies", "cells", "instancing"),
@@ -73,6 +73,11 @@ def tile(index: Expr) -> Node:
     height = 0.2 + 0.9 * rm.hash(index)
     color = vec3(0.2 + 0.7 * rm.hash(index + vec3(7.0, 0.0, 0.0)), 0.5, 0.8 - 0.6 * rm.hash(index))
     return rm.box((0.4, height, 0.4)).round(0.03).material(rm.Material(color=color, shininess=60))
+
+
+def tangle(p: Expr) -> Expr:
+    """The tangle cube."""
+    return p.x**4 + p.y**4 + p.z**4 - 5 * rm.dot(p, p) + 11.8
 
 
 SPECIMENS: dict[str, Callable[[], Node]] = {
@@ -115,6 +120,7 @@ SPECIMENS: dict[str, Callable[[], Node]] = {
     "loft": lambda: rm.star().extrude_to(rm.circle(0.5), 1.4),
     "slice": lambda: rm.torus(0.7, 0.35).rotate(1.2, "x").slice(0.1),
     "death_star": lambda: rm.death_star().rotate(0.7, "x"),
+    "implicit_solid": lambda: rm.implicit(tangle, 2.6),
     "round": lambda: brick().round(0.25),
     "shell": lambda: brick().shell(0.15) - rm.box(2).translate((0.7, 0.8, 1)),
 }
@@ -177,6 +183,7 @@ PUBLIC = {
     "sampled_outline": ("image", "text"),
     "sampled_grid": ("grid", "isosurface", "mesh"),
     "raw_field": ("glsl_node",),
+    "implicit_solid": ("implicit",),
 }
 """The public functions that make a node, where no function has the name by which the definition is called."""
 

@@ -18,6 +18,7 @@ from raymarch.sdf.flat import *
 from raymarch.sdf.flat_curves import *
 from raymarch.sdf.folds import *
 from raymarch.sdf.fractals import *
+from raymarch.sdf.implicit import *
 from raymarch.sdf.instancing import *
 from raymarch.sdf.joints import *
 from raymarch.sdf.joints import complement

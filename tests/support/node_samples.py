@@ -27,7 +27,7 @@ from raymarch.expr.arrays import evaluator
 from raymarch.expr.derivative import companion
 from raymarch.expr.function import Function
 from raymarch.expr.types import FLOAT
-from raymarch.expr.vocabulary import cos, sin
+from raymarch.expr.vocabulary import cos, dot, sin
 from raymarch.scene.material import Material
 from raymarch.sdf import (
     Node,
@@ -50,6 +50,7 @@ from raymarch.sdf import (
 from raymarch.sdf.blends import FAMILIES
 from raymarch.sdf.definition import REGISTRY, Definition, cube
 from raymarch.sdf.domain import Domain, Positive
+from raymarch.sdf.implicit import implicit, implicit_solid
 from raymarch.sdf.lower import field_of
 from raymarch.sdf.node import METHODS
 from raymarch.sdf.noise import displaced, lattice_noise
@@ -301,6 +302,12 @@ SPECIAL: dict[str, dict[str, Callable[[], Node]]] = {
         "brick to ball": lambda: transition(_kind["brick"](), sphere(0.5), (0.0, -0.2, 0.0), (0.0, 0.2, 0.0)),
         "aslant": lambda: transition(_kind["stretched"](), _kind["bitten"](), (-0.5, -0.1, 0.0), (0.4, 0.3, 0.1)),
         "pair": lambda: transition(_kind["pair"](), _kind["slanted"](), (0.5, 0.0, 0.0), (-0.5, 0.0, 0.0)),
+    },
+    "implicit_solid": {
+        "quadric": lambda: implicit_solid(),
+        "tangle cube": lambda: implicit(lambda p: p.x**4 + p.y**4 + p.z**4 - 5 * dot(p, p) + 11.8, 2.6),
+        "waves, cut": lambda: implicit(lambda p: sin(3 * p.x) * cos(2 * p.y) + 0.5 * p.z, ((-1, -1, -1.3), (1, 1, 1))),
+        "cone": lambda: implicit(lambda p: p.x * p.x + p.z * p.z - p.y * p.y, 1.0, 0.05),
     },
     "labelled": {"brick": lambda: material(_kind["brick"](), Material((0.8, 0.2, 0.1)))},
     "repeat_cells": {
