@@ -17,8 +17,7 @@ from raymarch.expr.node import const, var
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import max, min, where
 from raymarch.plan.hoisting import Hoisting
-from raymarch.sdf.booleans import hard_union
-from raymarch.sdf.definition import definition_of
+from raymarch.sdf.booleans import united
 from raymarch.sdf.facts import FARTHEST, Facts
 from raymarch.sdf.intersections import NAMES, has_closed_form, interval_of_ray, is_placed
 from raymarch.sdf.labels import flattened
@@ -122,8 +121,7 @@ def _union_field(name: str, nodes: Sequence[Node], whole: Node, lowering: Loweri
         return Function(name, (var("p", VEC3),), const(FARTHEST))
     root = nodes[0]
     if len(nodes) > 1:
-        root = Node(definition_of(hard_union), tuple(nodes), {}, nodes[0].facts)
-        root.where = whole.where
+        root = united(nodes, nodes[0].facts, whole.where)
     return lowering.again().field(root, name)
 
 
@@ -137,7 +135,7 @@ def _operands(root: Node) -> list[Node]:
         inner = node
         while inner.label is not None:
             inner = inner.children[0]
-        if inner.definition is definition_of(hard_union):
+        if inner.placed_as == "union":
             pending.extend(reversed(flattened(inner)))
         else:
             found += _apart(node)
@@ -155,7 +153,7 @@ def _apart(root: Node) -> list[Node]:
             if inner.label is None:
                 placed = (*placed, inner)
             inner = inner.children[0]
-        if inner.definition is definition_of(hard_union):
+        if inner.placed_as == "union":
             pending.extend((child, placed) for child in reversed(flattened(inner)))
         elif not has_closed_form(inner):
             return [root]

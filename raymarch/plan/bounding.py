@@ -25,8 +25,7 @@ from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import abs, length, max, min, where
 from raymarch.expr.walk import find, rebuild, rewrite, substitute
 from raymarch.plan.hoisting import Hoisting
-from raymarch.sdf.booleans import balanced, hard_union
-from raymarch.sdf.definition import definition_of
+from raymarch.sdf.booleans import balanced
 from raymarch.sdf.facts import FARTHEST, Facts
 from raymarch.sdf.node import Node
 
@@ -195,7 +194,7 @@ class Bounding:
         return f"{n} operand{'s' * (n != 1)} of a hard union: {why}"
 
     def applies(self, node: Node, children: Sequence[Node]) -> bool:
-        union = node.definition is definition_of(hard_union) and len(children) > 1
+        union = node.placed_as == "union" and len(children) > 1
         return union and sum(_has_bound(child.facts) for child in children) >= (1 if self.asked else FEWEST)
 
     def chosen(self, children: Sequence[Node], bodies: Sequence[Expr]) -> Sequence[int]:

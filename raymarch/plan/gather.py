@@ -20,14 +20,13 @@ from raymarch.expr.types import BOOL, FLOAT
 from raymarch.expr.walk import find, rebuild, topological
 from raymarch.plan.hoisting import NEVER_HOISTED
 from raymarch.scene.scene import all_nodes
-from raymarch.sdf.blends import REACH
-from raymarch.sdf.booleans import hard_union, smooth_union
-from raymarch.sdf.definition import definition_of, divisor_of
+from raymarch.sdf.booleans import Blend, blend_of
+from raymarch.sdf.definition import divisor_of
 from raymarch.sdf.instancing import instanced
 from raymarch.sdf.labels import rows_of
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node, at_line_of, children_first, replaced
-from raymarch.sdf.placing import labelled
+from raymarch.sdf.placing import with_label
 from raymarch.sdf.rows import Form, Moving, Rows, Slot
 from raymarch.sdf.solids import sphere
 from raymarch.sdf.visibility import hidden_from
@@ -122,23 +121,21 @@ class _Gatherer:
         if (rows := rows_of(node)) is not None:
             self._keep(rows, exact)
             return node
-        definition, params = node.definition, node.params
-        if definition is definition_of(hard_union):
+        if node.placed_as == "union":
             return self._union(node, exact, depth)
-        if definition is definition_of(smooth_union) and params["k"].is_constant and params["family"] in REACH:
-            family, k = str(params["family"]), float(params["k"].data)
-            rows = self._blend(node, family, k)
+        if (blend := blend_of(node)) is not None and blend.width.is_constant:
+            rows = self._blend(node, blend)
             if rows is not None:
                 self._keep(rows, exact)
                 return at_line_of(node, instanced(rows))
             outer, self.blended = self.blended, True
-            made = self._below(node, exact + _margin(family, k, len(node.children)), depth)
+            made = self._below(node, exact + _margin(blend, len(node.children)), depth)
             self.blended = outer
             return made
         if node.label is not None and node.children[0].labelled and not self._is_constant(node.label):
             # Some objects have materials of their own, the others inherit one that is no row of numbers.
             child = node.children[0]
-            if child.definition is definition_of(hard_union):
+            if child.placed_as == "union":
                 return self._union(child, exact, depth, node)
             if not any(rows_of(each) is not None for each in all_nodes(child)):
                 return node
@@ -209,7 +206,7 @@ class _Gatherer:
         return replaced(node, tuple(children))
 
     def _labelled(self, node: Node, label: Any) -> Node:
-        made = Node(definition_of(labelled), (node,), {}, node.facts, label)
+        made = with_label(node, label)
         self.kept.append(made)
         return at_line_of(node, made)
 
@@ -219,9 +216,9 @@ class _Gatherer:
         pending: list[tuple[Node, Any]] = [(node, given)]
         while pending:
             each, label = pending.pop()
-            if each.definition is node.definition and each.label is None:
+            if each.placed_as == "union":
                 pending.extend((child, label) for child in reversed(each.children))
-            elif each.label is not None and each.children[0].definition is node.definition:
+            elif each.label is not None and each.children[0].placed_as == "union":
                 pending.append((each.children[0], each.label))
             elif label is not None and each.label is None:
                 found.append(self._labelled(each, label))
@@ -229,7 +226,7 @@ class _Gatherer:
                 found.append(each)
         return found
 
-    def _blend(self, node: Node, family: str, k: float) -> Rows | None:
+    def _blend(self, node: Node, blend: Blend) -> Rows | None:
         """A smooth union as rows, if all its operands can be."""
         groups: dict[int, list[int]] = {}
         for i, child in enumerate(node.children):
@@ -247,7 +244,7 @@ class _Gatherer:
             return None
         forms = [self._form([node.children[i] for i in members], members) for members in groups.values()]
         made = self._rows(forms, [], len(node.children))
-        return changed(made, k=k / divisor, family=family)  # of fields that are divided
+        return changed(made, k=_width(blend) / divisor, family=blend.family)  # of fields that are divided
 
     def _rows(self, forms: list[tuple[Form, list[tuple[Any, ...]]]], given: Sequence[Rows], first: int) -> Rows:
         """The rows of some forms, and of instances that stand in the same union."""
@@ -413,9 +410,10 @@ def _rewritten(value: Expr, leaf: Callable[[Expr], Expr]) -> Expr:
 
 
 def _factor(node: Node) -> float | None:
-    """The factor by which a placed node enlarges its child; None if it changes."""
+    """The factor by which a placed node multiplies its child's value; None if it changes."""
     factor = node.definition.placement(node.params)[2]
-    return 1.0 if factor is None else float(factor.data) if factor.is_constant else None
+    given = 1.0 if factor is None else float(factor.data) if factor.is_constant else None
+    return None if given is None else given / node.facts.divisor
 
 
 def _inner(node: Node) -> list[Node]:
@@ -430,7 +428,7 @@ def _moving(template: Node, members: Sequence[Node]) -> Moving:
     """Where the objects of a form are, from the boxes of their parts that are moved and scaled."""
     *chain, _ = _inner(template)
     inside = Slot(-1)
-    made = Node(definition_of(labelled), (sphere(),), {}, sphere().facts, inside)
+    made = with_label(sphere(), inside)
     for node in reversed(chain):
         if node.label is None:
             made = Node(node.definition, (made,), node.params, node.facts)
@@ -451,6 +449,10 @@ def _radius(node: Node) -> float:
     return factor * 0.5 * float(np.linalg.norm(inner.facts.size))
 
 
-def _margin(family: str, k: float, n: int) -> float:
+def _width(blend: Blend) -> float:
+    return float(blend.width.data)
+
+
+def _margin(blend: Blend, n: int) -> float:
     """Distance beyond a surface up to which operands of a blend must be exact."""
-    return k * (REACH[family] + 0.25 * math.ceil(math.log2(max(n, 2))))
+    return _width(blend) * (blend.reach + 0.25 * math.ceil(math.log2(max(n, 2))))

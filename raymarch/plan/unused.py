@@ -17,8 +17,6 @@ from raymarch.scene.light import Light, has_area, has_disc
 from raymarch.scene.material import SMOOTH, Material
 from raymarch.scene.parameter import is_zero
 from raymarch.scene.scene import Scene
-from raymarch.sdf.booleans import hard_union
-from raymarch.sdf.definition import definition_of
 from raymarch.sdf.labels import flattened, seen_labels
 from raymarch.sdf.node import Node
 
@@ -135,7 +133,7 @@ def _unions(root: Node) -> Iterator[list[tuple[Node, Any]]]:
         if each in visited:
             continue
         visited.add(each)
-        union = node.definition is definition_of(hard_union)
+        union = node.placed_as == "union"
         inherited = label if node.label is None else node.label
         children = [(child, inherited) for child in (flattened(node) if union else node.children)]
         if union:

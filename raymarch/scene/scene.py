@@ -29,14 +29,12 @@ from raymarch.scene.quality import Quality
 from raymarch.scene.sky import Sky
 from raymarch.scene.tone import ToneMapping
 from raymarch.scene.value import Value, value
-from raymarch.sdf.booleans import smooth_union
-from raymarch.sdf.definition import definition_of
 from raymarch.sdf.domain import ColorLike
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.labels import rows_of, seen_labels
 from raymarch.sdf.node import Node
 from raymarch.sdf.node import all_nodes as all_nodes
-from raymarch.sdf.placing import translate
+from raymarch.sdf.placement import offset_of
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -362,9 +360,7 @@ def _operands(root: Node) -> Iterator[Node]:
     pending, seen = [root], {id(root)}
     while pending:
         node = pending.pop()
-        together = (
-            node.definition.associative or node.definition is definition_of(smooth_union) or node.label is not None
-        )
+        together = node.definition.associative or node.placed_as == "blend" or node.label is not None
         if node.facts.bounded or not together or not node.children:
             yield node
             continue
@@ -380,8 +376,8 @@ def _moved_parts(root: Node) -> list[tuple[Facts, Expr]]:
     found = []
     for node in _operands(root):
         inner, offset = node, const(np.zeros(3))
-        while inner.definition is definition_of(translate) and not inner.facts.bounded:
-            inner, offset = inner.children[0], offset + inner.params["offset"]
+        while not inner.facts.bounded and (moved := offset_of(inner)) is not None:
+            inner, offset = inner.children[0], offset + moved
         if inner is not node and inner.facts.bounded and not inner.facts.empty:
             found.append((inner.facts, offset))
     return found

@@ -7,17 +7,18 @@ tree. At each level the quadratic blend lowers the field by at most k/4, which t
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from raymarch.errors import SceneError
+from raymarch.errors import Location, SceneError
 from raymarch.expr.convert import choice, described, short
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import max, min
 from raymarch.expr.walk import free_variables
-from raymarch.sdf.blends import FAMILIES
-from raymarch.sdf.definition import Child, ChildFacts, combination
+from raymarch.sdf.blends import FAMILIES, REACH
+from raymarch.sdf.definition import Child, ChildFacts, combination, definition_of
 from raymarch.sdf.domain import Count, Positive, Scalar, Word, as_operand
 from raymarch.sdf.facts import Exactness, Facts, disjoint, worst
 from raymarch.sdf.node import Node, method
@@ -87,7 +88,7 @@ def within(children: Sequence[ChildFacts], margin: Any = 0.0) -> list[tuple[Expr
     spread=widest,
     radii=within,
     associative=True,
-    placing="select",
+    placing="union",
     dimension="any",
     called="union",
 )
@@ -150,6 +151,7 @@ def _fold(k: Scalar, family: str, steps: int) -> Fold:
     radii=lambda children, k, family, steps: within(children, FAMILIES[family](steps).reach(len(children), k)),
     lipschitz=_slope,
     spread=widest,
+    placing="blend",
     dimension="any",
     called="union",
 )
@@ -183,6 +185,35 @@ def _no_node(name: str, given: object) -> SceneError:
     width = isinstance(given, float)
     legal = f"k={given} to blend the nodes" if width else f"nodes such as sphere(); of a list, {name}(*nodes)"
     return SceneError(f"{name} of {described(given)}", legal=legal)
+
+
+@dataclass(frozen=True, slots=True)
+class Blend:
+    """A smooth union whose operands do not act beyond a distance.
+
+    width : k. family : its name. reach : operands whose values differ by more do not change each other, in widths.
+    """
+
+    width: Expr
+    family: str
+
+    @property
+    def reach(self) -> float:
+        return REACH[self.family]
+
+
+def blend_of(node: Node) -> Blend | None:
+    """The blend of a node; None for another node, and for a blend that acts at all distances."""
+    if node.placed_as != "blend" or node.params["family"] not in REACH:
+        return None
+    return Blend(node.params["k"], node.params["family"])
+
+
+def united(nodes: Sequence[Node], facts: Facts, where: Location | None) -> Node:
+    """The hard union of two or more solids with these facts, at a line of the user."""
+    made = Node(definition_of(hard_union), tuple(nodes), {}, facts)
+    made.where = where
+    return made
 
 
 def _choose(name: str, nodes: tuple[Node, ...], k: Any, blend: str, steps: int, hard: Any, smooth: Any) -> Node:

@@ -38,13 +38,19 @@ P = ParamSpec("P")
 Child: TypeAlias = Callable[[Expr], Expr]
 Rule: TypeAlias = Callable[..., Any]
 Dimension: TypeAlias = Literal[2, 3, "any"]
-Placing: TypeAlias = Literal["rigid", "scale", "stretch", "select", "offset", ""]
+Placing: TypeAlias = Literal["rigid", "scale", "stretch", "deform", "offset", "select", "union", "blend", ""]
 """How an operator passes distances on.
 
 "rigid": the child's value at p, moved, turned or reflected. "scale": that at p moved, turned and divided by a factor,
-times the factor. "stretch": the same, but the map enlarges some lengths by more than the factor. "select": at each
-point the value of a child, or its negative, at a point of equal distances. "offset": the child's value plus a length.
+times the factor. "stretch": that at an affine map of p, which enlarges some lengths more than others, times a factor.
+"deform": that at a map of p which is not affine, within the child's reach. "offset": the child's value, or its size,
+plus a length. "select": at each point the value of a child, or its negative, at a point of equal distances. "union":
+the least value of the children. "blend": the same, lowered where two values are close. The tests of
+`tests/sdf/test_traits.py` hold each by numbers.
 """
+
+PLACED = ("rigid", "scale", "stretch")
+"""Those of the form `child(q)` or `factor * child(q)`, where q is an affine map of p; see `Definition.placement`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +105,7 @@ class Definition:
     associative: bool
     cuts: bool
     placing: Placing | Rule
+    shift: Rule | None
     domains: Mapping[str, Domain]
     defaults: Mapping[str, Any]
     where: Location
@@ -174,7 +181,7 @@ class Definition:
                 legal = "a loop of Python, or the child evaluated after the loop"
                 raise SceneError(what, legal=legal, where=self.where)
             self._refuse_infinite(traced)
-            if self.placing in ("rigid", "scale"):
+            if self.placing in PLACED:
                 self._taken_apart(traced)
             self._templates.setdefault(key, traced)  # another thread may have been faster
         return self._templates[key]
@@ -182,14 +189,16 @@ class Definition:
     def placement(self, params: Mapping[str, Any]) -> tuple[Expr, Expr, Expr | None]:
         """The point p, the point at which the child is evaluated, and the factor of its value; None is 1.
 
-        Of an operator that is placed ("rigid", "scale" or "stretch"). SceneError if its function is of another form.
+        Of an operator that is one of `PLACED`. SceneError if its function is of another form.
         """
         template = self.template(1, params)
-        point, *symbols = template.params
-        values = dict(zip(symbols, (params[name] for name, _ in self._symbols()), strict=True))
         child, factor = self._taken_apart(template)
-        found = substitute([child.args[0], *([] if factor is None else [factor])], values)
-        return point, found[0], None if factor is None else found[1]
+        found = substitute([child.args[0], *([] if factor is None else [factor])], self.named(template, params))
+        return template.params[0], found[0], None if factor is None else found[1]
+
+    def named(self, template: Function, params: Mapping[str, Any]) -> dict[Expr, Expr]:
+        """The symbols of a template but its point, with the parameters of a node."""
+        return dict(zip(template.params[1:], (params[name] for name, _ in self._symbols()), strict=True))
 
     def _taken_apart(self, traced: Function) -> tuple[Expr, Expr | None]:
         """The child's value and its factor in the function of a placed operator. SceneError for another form."""
@@ -463,7 +472,8 @@ def _define(
     source: Callable[..., Any], arity: str, dimension: Dimension, child_dimension: Dimension, declared: dict[str, Any]
 ) -> Definition:
     """The definition; one of any dimension gets a flat twin, whose vectors have two components."""
-    declared = {"check": None, "associative": False, "cuts": False, "placing": "", "motion": None, **declared}
+    absent = {"check": None, "associative": False, "cuts": False, "placing": "", "motion": None, "shift": None}
+    declared = {**absent, **declared}
     if declared["placing"] in ("rigid", "scale"):
         declared["spread"] = declared["spread"] or (lambda child, **params: math.sqrt(3.0) * child.spread)
         declared["convex"] = True
@@ -507,7 +517,8 @@ def _define_one(
     for fact, rule in declared.items():
         if callable(rule):
             what = f"{source.__name__}: {fact}"
-            declared[fact] = _of_all(what, rule, arity, fact in OF_ALL_CHILDREN, list(domains), where)
+            first = ["by"] if fact == "shift" else _children_of(arity, fact in OF_ALL_CHILDREN)
+            declared[fact] = _of_all(what, rule, first, list(domains), where)
     return Definition(
         name=source.__name__,
         called=declared.pop("called") or source.__name__,
@@ -543,12 +554,17 @@ OF_ALL_CHILDREN = ("exactness", "symmetry", "convex", "check", "placing")
 """Facts whose functions receive each child's facts as an argument; the others receive one list of many children."""
 
 
-def _of_all(what: str, rule: Rule, arity: str, of_all: bool, names: Sequence[str], where: Location) -> Rule:
-    """A function of facts that takes the children and some parameters of its definition, as a function of all.
+def _children_of(arity: str, of_all: bool) -> list[str]:
+    """The arguments by which a function of facts receives the children."""
+    return {"none": [], "one": ["child"], "many": ["*children" if of_all else "children"]}[arity]
+
+
+def _of_all(what: str, rule: Rule, first: Sequence[str], names: Sequence[str], where: Location) -> Rule:
+    """A function of facts that takes its first arguments and some parameters of its definition, as a function of all.
 
     SceneError if it cannot be called with them.
     """
-    children = {"none": 0, "one": 1, "many": 2 if of_all else 1}[arity]
+    children = sum(2 if name.startswith("*") else 1 for name in first)
     if _takes(rule, children, names):  # inspecting the rules of all definitions takes longer than tracing them
         return rule
     try:
@@ -560,8 +576,7 @@ def _of_all(what: str, rule: Rule, arity: str, of_all: bool, names: Sequence[str
     try:
         signature.bind(*range(children), **dict.fromkeys(taken))
     except TypeError:
-        shown = {"none": [], "one": ["child"], "many": ["*children" if of_all else "children"]}[arity]
-        legal = f"it receives {', '.join([*shown, *names])}"
+        legal = f"it receives {', '.join([*first, *names])}"
         raise SceneError(f"{what} takes {signature}", legal=legal, where=where) from None
     if len(taken) == len(names):
         return rule
@@ -605,6 +620,7 @@ def shape(
     spread: float | Rule | None = None,
     convex: bool | Rule = False,
     radii: Rule | None = None,
+    shift: Rule | None = None,
     check: Rule | Fits | None = None,
     dimension: Literal[2, 3] = 3,
     called: str = "",
@@ -628,6 +644,8 @@ def shape(
     radii : function of the parameters, for an exact field: a vec4, the radii of the cylinders about the lines through
         the centre of the box along x, y and z, and of the ball about the centre, that contain the solid. None for those
         that contain the box. The box of the solid after a rotation follows from them.
+    shift : function of a NumPy vec3 and the parameters, for a solid that can be described from an origin moved by the
+        vec3: the parameters that change, and the vec3 that is left; see `raymarch.sdf.shifted`. None if it cannot.
     check : function of the parameters that raises SceneError for combinations that are not legal.
     dimension : 3, or 2 for a shape to extrude or revolve.
     called : the name in messages, reprs and GLSL; by default that of the function.
@@ -651,6 +669,7 @@ def operator(
     placing: Placing | Rule = "",
     radii: Rule | None = None,
     motion: Rule | None = None,
+    shift: Rule | None = None,
     check: Rule | Fits | None = None,
     dimension: Dimension = 3,
     child_dimension: Literal[2, 3] | None = None,
@@ -672,11 +691,13 @@ def operator(
     convex : True if a convex child gives a convex solid, or a function of the child's facts and the parameters.
     placing : "rigid" for an operator that gives `child(q)`, where q is p moved, turned or reflected. "scale" for
         `factor * child(q)`, where q is that divided by the factor. Such an operator keeps what is known of its child:
-        closed forms of rays, rows of many equal objects, instances, convexity and spread.
+        closed forms of rays, rows of many equal objects, instances, convexity and spread. The others of `Placing` say
+        how the value follows from the child's.
     radii : function of the child's facts (`within(margin)`) and the parameters: a list of pairs, a centre and the radii
         about it as for `shape`. Each point of the solid lies within those of one pair.
     motion : for a rotation, in place of `bounds`: function of the child's facts and the parameters that gives a
         `raymarch.sdf.regions.Motion`.
+    shift : as for `shape`.
     check : function of the child's facts and the parameters that raises SceneError.
     dimension, child_dimension : 2 or 3, of the result and of the child. With dimension="any" the child may be 3D or
         flat; for a flat child p, and parameters that are a vec3 (mat3) in 3D, become a vec2 (mat2).

@@ -82,6 +82,7 @@ def twist_slope(rate: Scalar, reach: Scalar) -> Expr:
     lipschitz=lambda child, rate, reach: child.lipschitz * twist_slope(rate, reach),
     spread=lambda child: max(child.spread, 1.0),
     check=_check_reach("xz"),
+    placing="deform",
     called="twist",
 )
 def twist_about_y(p: Expr, child: Child, rate: Number, reach: Positive) -> Expr:
@@ -109,6 +110,7 @@ def twist(node: Node, rate: Scalar = 1.0) -> Node:
     lipschitz=lambda child, rate, reach: child.lipschitz * (1.0 + abs(rate) * reach),
     spread=lambda child: max(child.spread, 1.0),
     check=_check_reach("xy"),
+    placing="deform",
     called="bend",
 )
 def bend_about_z(p: Expr, child: Child, rate: Number, reach: Positive) -> Expr:
@@ -161,6 +163,7 @@ def _check_taper(child: Facts, rate: Expr, reach: Expr, low: Expr, high: Expr) -
     lipschitz=lambda child, rate, reach, low, high: child.lipschitz * taper_slope(rate, reach, low, high),
     spread=lambda child, rate, low, high: max(child.spread, 1.0) * max(1.0, _widest(rate, low, high)),
     check=_check_taper,
+    placing="deform",
     called="taper",
 )
 def taper_along_y(p: Expr, child: Child, rate: Number, reach: Positive, low: Length, high: Length) -> Expr:
@@ -227,6 +230,7 @@ def shear_slope(amount: Expr) -> Expr:
     lipschitz=lambda child, amount: child.lipschitz * shear_slope(amount),
     spread=lambda child, amount: child.spread * (1.0 + abs(amount)),
     convex=True,
+    placing="stretch",
     called="shear",
 )
 def sheared(
@@ -474,6 +478,7 @@ def _check_offset(child: Facts, distance: Any) -> None:
     convex=lambda child: child.convex and child.exactness == "exact",
     check=_check_offset,
     dimension="any",
+    placing="offset",
 )
 def offset(p: Expr, child: Child, distance: Length = 0.1) -> Expr:
     """Grow by a distance on all sides (as `round`), or shrink by a negative one.

@@ -194,6 +194,7 @@ SOME = rows_from(sphere(0.4), [(-0.6, 0.0, 0.0), (0.6, 0.0, 0.0), (0.0, 0.8, 0.0
     bounds=lambda rows: (const(rows.lower), const(rows.upper)),
     lipschitz=lambda rows: rows.divisor * max(float(form.lipschitz.max()) for form in rows.forms),
     spread=lambda rows: max(float(form.spread.max()) for form in rows.forms),
+    shift=lambda by, rows: ({"rows": moved(rows, -by)}, np.zeros(3)),
     called="instances",
 )
 def instanced(p: Expr, rows: Annotated[Any, Domain(None, holds=Rows)] = SOME) -> Expr:

@@ -7,8 +7,6 @@ misses it. Distances before the origin are negative; those beyond `FARTHEST` are
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -19,13 +17,11 @@ from raymarch.expr.node import Expr, Operand, const
 from raymarch.expr.types import FLOAT, VEC2, VEC3
 from raymarch.expr.vocabulary import abs, clamp, dot, length, max, min, sqrt, vec2, where
 from raymarch.expr.walk import substitute
-from raymarch.sdf.definition import Definition, definition_of
+from raymarch.sdf.definition import Definition
 from raymarch.sdf.facts import FARTHEST
 from raymarch.sdf.node import Node
-from raymarch.sdf.placing import affine, scale_evenly
 from raymarch.sdf.rounds import cone, ellipsoid
 from raymarch.sdf.solids import box, capsule, cylinder, plane, sphere
-from raymarch.sdf.visibility import visible
 
 TINY = 1e-20
 """Smallest rate at which a ray approaches a plane. A parallel ray meets the plane far away, on its side."""
@@ -211,8 +207,8 @@ def has_closed_form(node: Node) -> bool:
 
 
 def is_placed(node: Node) -> bool:
-    """True if a node is a rigid transform or a scaling by one factor of its child, or its child for some rays."""
-    return node.placed_as in ("rigid", "scale") or node.definition is definition_of(visible)
+    """True if a node is a rigid transform or a scaling by one factor of its child."""
+    return node.placed_as in ("rigid", "scale")
 
 
 def interval_of_ray(node: Node, o: Expr, d: Expr) -> Expr:
@@ -222,8 +218,8 @@ def interval_of_ray(node: Node, o: Expr, d: Expr) -> Expr:
     """
     factors: list[Operand] = []
     while is_placed(node) or node.label is not None:
-        if node.label is None and node.definition is not definition_of(visible):
-            o, d, factor = _PLACED.get(node.definition, partial(_placed, node))(o, d, node.params)
+        if node.label is None:
+            o, d, factor = _placed(node, o, d)
             factors += [] if factor is None else [factor]
         node = node.children[0]
     found: Expr = _SHAPES[node.definition](o, d, *node.params.values())
@@ -236,21 +232,11 @@ _Moved: TypeAlias = tuple[Expr, Expr, Operand | None]
 """A ray in the space of a child, and the length of a unit of that space; None is 1."""
 
 
-def _placed(node: Node, o: Expr, d: Expr, params: Mapping[str, Expr]) -> _Moved:
-    """The point at which the child is evaluated is linear in the point: directions change by its derivative."""
-    point, child, factor = node.definition.placement(params)
+def _placed(node: Node, o: Expr, d: Expr) -> _Moved:
+    """The point at which the child is evaluated is affine in the point: directions change by its derivative."""
+    point, child, factor = node.definition.placement(node.params)
     (start,) = substitute([child], {point: o})
+    if child.op == "div" and child.args == (point, factor):
+        return start, d, factor
     (along,) = substitute(directional_derivatives(child, point, [d]), {point: const(np.zeros(point.type.size))})
     return start, along if factor is None else along * factor, factor
-
-
-def _mapped(o: Expr, d: Expr, params: Mapping[str, Expr]) -> _Moved:
-    inverse, stretch = params["inverse"], params["stretch"]
-    return inverse @ (o - params["offset"]), (inverse @ d) * stretch, stretch
-
-
-_PLACED: dict[Definition, Callable[[Expr, Expr, Mapping[str, Expr]], _Moved]] = {
-    definition_of(scale_evenly): lambda o, d, params: (o / params["factor"], d, params["factor"]),
-    definition_of(affine): _mapped,
-}
-"""Those whose direction is the same or one product."""

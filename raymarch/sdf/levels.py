@@ -90,9 +90,6 @@ def slopes_at_surface(node: Node) -> tuple[float, float] | None:
     return float(low), float(high)
 
 
-MOVES = ("round", "offset", "shell")
-"""Operators that move a surface by a length."""
-
 MEASURED = 16
 """Maximum number of such nodes of a tree whose operands are measured."""
 
@@ -105,7 +102,7 @@ def moved_otherwise(root: Node, doubted: bool = False) -> Iterator[str]:
 
     doubted : True for those only that move a part of the surface by another distance than the user asked for.
     """
-    moving = [node for node in all_nodes(root) if node.name in MOVES and node.children[0].exactness != "exact"]
+    moving = [node for node in all_nodes(root) if node.placed_as == "offset" and node.children[0].exactness != "exact"]
     for node in moving[:MEASURED]:
         (child,), place = node.children, f" at {node.where}" if node.where else ""
         what = f"{node.name}{place} acts on a {child.exactness} field ({child.name})"
@@ -122,16 +119,14 @@ def moved_otherwise(root: Node, doubted: bool = False) -> Iterator[str]:
             yield f"{what}: the surface moves by the distance asked for, and by more at edges that were cut"
 
 
-STRETCHING = ("scale_axes", "affine", "sheared", "twist_about_y", "bend_about_z", "taper_along_y")
-"""Operators that stretch space in one direction more than in another."""
-
 SHORT = 0.9
 """Slope of a field below which effects that read it as a distance have a doubt."""
 
 
 def read_short(root: Node) -> Iterator[str]:
     """A sentence for each node whose field, read as a distance, is too short near a part of its surface."""
-    stretched = [node for node in all_nodes(root) if node.definition.name in STRETCHING and node.exactness != "exact"]
+    uneven = [node for node in all_nodes(root) if node.placed_as in ("stretch", "deform")]
+    stretched = [node for node in uneven if node.exactness != "exact"]
     for node in stretched[:MEASURED]:
         slopes = slopes_at_surface(node)
         if slopes is not None and slopes[0] < SHORT:

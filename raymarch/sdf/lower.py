@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import Location, SceneError
-from raymarch.expr.arrays import evaluator_of, value_of
+from raymarch.expr.arrays import evaluator_of
 from raymarch.expr.derivative import ONE, companion, directional_derivatives
 from raymarch.expr.faults import Passage
 from raymarch.expr.function import Function, sum_of
@@ -30,7 +30,7 @@ from raymarch.sdf.definition import BOUND, FLOOR
 from raymarch.sdf.facts import FARTHEST
 from raymarch.sdf.labels import cutting, flattened, rows_of
 from raymarch.sdf.node import Node, called_by_nodes
-from raymarch.sdf.placing import rotation_matrix
+from raymarch.sdf.placement import turn_of
 from raymarch.sdf.visibility import RAY_KIND, shown
 from raymarch.sdf.weights import distance_scale
 
@@ -190,8 +190,8 @@ class BoundedParts:
 def _turned(node: Node) -> tuple[NDArray[np.float64], Node] | None:
     """The product of a chain of three or more rotations by constants, and the node below. Two cost no more than it."""
     matrices = []
-    while node.definition.name == "rotate_about" and all(value.is_constant for value in node.params.values()):
-        matrices.append(np.asarray(value_of(rotation_matrix(*(node.params[n] for n in ("axis", "angle")))), np.float64))
+    while (matrix := turn_of(node)) is not None:
+        matrices.append(matrix)
         node = node.children[0]
     return (reduce(np.matmul, matrices), node) if len(matrices) > 2 else None
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
@@ -215,6 +216,7 @@ def scale_evenly(p: Expr, child: Child, factor: Positive) -> Expr:
     convex=True,
     dimension="any",
     called="scale",
+    placing="stretch",
 )
 def scale_axes(p: Expr, child: Child, factors: Size3) -> Expr:
     """Scale along each axis by its own factor. The smallest factor scales distances, which gives a bound."""
@@ -382,5 +384,6 @@ def refuse_label(what: str, label: Any) -> None:
 
 def with_label(node: Node, label: Any) -> Node:
     """The node with a label of any kind, which determines its material."""
-    made = labelled(node)
-    return Node(made.definition, made.children, made.params, label=label)
+    known = None if node.known_facts is None else replace(node.known_facts, divisor=1.0)
+    solid, flat = definition_of(labelled), definition_of(labelled).flat
+    return Node(flat if node.dimension == 2 and flat is not None else solid, (node,), {}, known, label)

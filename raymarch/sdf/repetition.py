@@ -56,9 +56,19 @@ def _exact_if_apart(child: Facts, spacing: Expr, nx: int, ny: int, nz: int, guar
     return "bound" if guard or np.any(repeated & touching) else "exact"
 
 
+def _shift(by: Any, spacing: Expr, nx: int, ny: int, nz: int) -> tuple[dict[str, Any], Any] | None:
+    """An infinite repetition is periodic: whole cells of the shift are dropped."""
+    if not spacing.is_constant:
+        return None
+    width = np.asarray(spacing.data, np.float64)
+    endless = np.array([n == INFINITE for n in (nx, ny, nz)[: len(width)]])
+    return {}, np.where(endless, by - width * np.rint(by / width), by)
+
+
 @operator(
     exactness=_exact_if_apart,
     bounds=_bounds,
+    shift=_shift,
     symmetry=lambda child, centre: unmoved(child.symmetry, centre),
     # guarded, it is at least the distance to all copies' box
     spread=lambda child, guard: 1.0 if guard else child.spread,

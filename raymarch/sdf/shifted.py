@@ -12,17 +12,15 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.expr.arrays import value_of
-from raymarch.expr.node import Expr, const
+from raymarch.expr.node import const
 from raymarch.expr.walk import find, run, topological
-from raymarch.sdf.instancing import moved
-from raymarch.sdf.labels import rows_of
 from raymarch.sdf.lower import POSITION
 from raymarch.sdf.node import Node, at_line_of, replaced
-from raymarch.sdf.placing import rotation_matrix, translate
-from raymarch.sdf.repetition import INFINITE
+from raymarch.sdf.placement import affine_of, at_point, offset_of
+from raymarch.sdf.placing import affine, translate
 
 Vector: TypeAlias = NDArray[np.float64]
+Matrix: TypeAlias = NDArray[np.float64]
 Request: TypeAlias = tuple[Node, tuple[float, ...]]
 Work: TypeAlias = Generator[Request, Node, Node]
 
@@ -30,8 +28,8 @@ Work: TypeAlias = Generator[Request, Node, Node]
 def shifted(node: Node, by: Vector) -> Node:
     """A solid whose field at p is that of `node` at p + by; by has shape (3,), float64.
 
-    The shift is passed down through unions, blends, labels, rotations and even scales to translations and planes, which
-    absorb it. Any other node is translated.
+    The shift is passed down through unions, blends, labels and whatever is placed, to translations and to shapes with a
+    `Definition.shift`, which absorb it. Any other node is translated.
     """
     first: Request = (node, _key(by))
     return run(first, lambda each: _shift(each[0], np.array(each[1])), lambda each: (id(each[0]), each[1]), {})
@@ -40,27 +38,30 @@ def shifted(node: Node, by: Vector) -> Node:
 def _shift(node: Node, by: Vector) -> Work:
     if not np.any(by):
         return node
-    name, params = node.definition.name, node.params
     if _reads_place(node.label):
         return _translated(node, by)
-    if name == "translate" and params["offset"].is_constant:
-        return (yield node.children[0], _key(by - params["offset"].data))
-    if name == "translate":
-        return _again(node, node.children, {**params, "offset": params["offset"] - const(by)})
-    if name == "plane" and params["normal"].is_constant:
-        return _again(node, (), {**params, "offset": params["offset"] - float(np.dot(_unit(params["normal"]), by))})
-    if name == "rotate_about" and all(params[n].is_constant for n in ("axis", "angle")):
-        turn = np.asarray(value_of(rotation_matrix(params["axis"], params["angle"])), np.float64)
-        return _again(node, ((yield node.children[0], _key(turn.T @ by)),), params)
-    if name == "scale_evenly" and params["factor"].is_constant:
-        return _again(node, ((yield node.children[0], _key(by / float(params["factor"].data))),), params)
-    if (rows := rows_of(node)) is not None:
-        return _again(node, (), {"rows": moved(rows, -by)})
-    if name == "repeat_cells" and params["spacing"].is_constant:
-        return _translated(node, _within_a_cell(params, by))
+    if (offset := offset_of(node)) is not None:
+        if offset.is_constant:
+            return (yield node.children[0], _key(by - np.asarray(offset.data)))
+        return at_line_of(node, translate(node.children[0], offset - const(by)))
+    rule = node.definition.shift
+    if rule is not None and (found := rule(by, **node.params)) is not None:
+        changed, rest = found
+        made = _again(node, node.children, {**node.params, **changed}) if changed else node
+        return _translated(made, rest)
     if node.children and _pointwise(node):
         return (yield from _below(node, by))
+    if (placed := affine_of(node)) is not None:
+        return (yield from _placed(node, by, *placed))
     return _translated(node, by)
+
+
+def _placed(node: Node, by: Vector, linear: Matrix, offset: Vector, factor: float) -> Work:
+    """The child is shifted to where the node evaluates it; what is left is linear."""
+    child = yield node.children[0], _key(at_point(node, by))
+    if not np.any(offset):
+        return _again(node, (child,), node.params)
+    return at_line_of(node, affine(child, np.linalg.inv(linear), linear, np.zeros(len(by)), factor))
 
 
 def _below(node: Node, by: Vector) -> Work:
@@ -73,17 +74,6 @@ def _below(node: Node, by: Vector) -> Work:
 
 def _key(by: Vector) -> tuple[float, ...]:
     return tuple(float(v) for v in by)
-
-
-def _unit(direction: Expr) -> Vector:
-    return np.asarray(direction.data, np.float64) / np.linalg.norm(direction.data)
-
-
-def _within_a_cell(params: Any, by: Vector) -> Vector:
-    """An infinite repetition is periodic: whole cells of the shift are dropped."""
-    spacing = np.asarray(params["spacing"].data, np.float64)
-    endless = np.array([params[n] == INFINITE for n in ("nx", "ny", "nz")])
-    return np.where(endless, by - spacing * np.rint(by / spacing), by)
 
 
 def _again(node: Node, children: tuple[Node, ...], params: Any) -> Node:

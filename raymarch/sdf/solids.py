@@ -54,7 +54,15 @@ def _half_space_bounds(normal: Any, offset: Any) -> tuple[Expr, Expr]:
     return vec3(*lower), vec3(*[where(along & (n > 0.0), offset, np.inf) for along, n in along_axes(normal)])
 
 
-@shape(exactness="exact", bounds=_half_space_bounds, convex=True)
+def _half_space_shift(by: Any, normal: Expr, offset: Expr) -> tuple[dict[str, Any], Any] | None:
+    """The half-space from another origin, with nothing left."""
+    if not normal.is_constant:
+        return None
+    unit = np.asarray(normal.data, np.float64) / np.linalg.norm(normal.data)
+    return {"offset": offset - float(np.dot(unit, by))}, np.zeros(3)
+
+
+@shape(exactness="exact", bounds=_half_space_bounds, convex=True, shift=_half_space_shift)
 def plane(p: Expr, normal: Direction = (0.0, 1.0, 0.0), offset: Length = 0.0) -> Expr:
     """Solid half-space dot(normal, p) <= offset.
 

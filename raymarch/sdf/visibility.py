@@ -30,7 +30,7 @@ Switch = Annotated[bool, Domain(None, holds=bool)]
     bounds=lambda child: child.box,
     symmetry="keep",
     convex=lambda child: child.convex,
-    placing="select",
+    placing=lambda child, camera, shadow, reflection: "rigid" if camera and shadow and reflection else "select",
     radii=lambda child: child.within(),
     motion=lambda child: Motion(turns=False),
 )

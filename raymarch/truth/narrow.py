@@ -13,21 +13,15 @@ from numpy.typing import NDArray
 from raymarch.expr.walk import topological
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import Values
-from raymarch.sdf.blends import REACH, levels
-from raymarch.sdf.booleans import hard_union, smooth_union
-from raymarch.sdf.definition import definition_of
+from raymarch.sdf.blends import levels
+from raymarch.sdf.booleans import blend_of
 from raymarch.sdf.instancing import instanced
 from raymarch.sdf.labels import rows_of
 from raymarch.sdf.node import Node
-from raymarch.sdf.placing import labelled
 from raymarch.sdf.rows import Rows
 
 ROWS = 256
 """Rows of a picture whose pixel is the width of the ray: a hit of the picture may lie a pixel beside an object."""
-
-UNION = definition_of(hard_union)
-BLEND = definition_of(smooth_union)
-LABEL = definition_of(labelled)
 
 FEWEST = 8
 """Least number of operands of a blend that are looked at one by one."""
@@ -110,7 +104,7 @@ def rises_fully(node: Node) -> bool:
     while pending:
         each = pending.pop()
         if each.facts.exactness != "exact":
-            if each.definition is not UNION and each.placed_as not in ("rigid", "scale"):
+            if each.placed_as not in ("union", "rigid", "scale"):
                 return False
             pending += each.children
     return True
@@ -143,7 +137,7 @@ class Parts:
 
     @staticmethod
     def _inner(node: Node) -> bool:
-        return node.definition is UNION or node.definition is LABEL
+        return node.placed_as == "union" or node.label is not None
 
     def part(self, solids: Sequence[Node], kept: Mapping[Node, Whole]) -> Node | None:
         """The tree with some operands only; None for none.
@@ -176,7 +170,7 @@ def _like(node: Node, children: Sequence[Node]) -> Node:
 
 def is_finite_blend(node: Node) -> bool:
     """True for a smooth union whose operands do not act beyond a distance, if it has `FEWEST` or more."""
-    return node.definition is BLEND and len(node.children) >= FEWEST and node.params["family"] in REACH
+    return len(node.children) >= FEWEST and blend_of(node) is not None
 
 
 def influence(node: Node, values: Values) -> float:
@@ -187,8 +181,10 @@ def influence(node: Node, values: Values) -> float:
     X - reach - k / 4. So the values of one level of the tree are right where they are below X, those of the next where
     they are below X - reach - k / 4, and the root where it is below X minus this for each level.
     """
-    k = float(values.of(node.params["k"]))
-    return levels(len(node.children)) * k * (REACH[node.params["family"]] + 0.25) * (1.0 + MARGIN)
+    blend = blend_of(node)
+    assert blend is not None
+    width = float(values.of(blend.width))
+    return levels(len(node.children)) * width * (blend.reach + 0.25) * (1.0 + MARGIN)
 
 
 def some_rows(node: Node, kept: Whole | Sequence[int]) -> Node | None:

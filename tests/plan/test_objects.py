@@ -16,9 +16,10 @@ from raymarch.expr.operations import operations
 from raymarch.plan import cells, plan
 from raymarch.plan.cells import CUT
 from raymarch.plan.explain import as_dict, show
-from raymarch.plan.gather import AS_DATA, REACH, gather
+from raymarch.plan.gather import AS_DATA, gather
 from raymarch.plan.objects import ObjectsInCells, exact_distance, largest_size
 from raymarch.scene.scene import all_nodes
+from raymarch.sdf.blends import REACH
 from raymarch.sdf.labels import rows_of
 from raymarch.sdf.rows import Rows
 from raymarch.shader import assemble
@@ -377,6 +378,7 @@ def test_unions_below_other_operators():
     many = rm.union(*objects(40))
     assert count(many.translate((1, 2, 3)).rotate(0.3).scale(2.0) - rm.box()) == 40
     assert count(many.material(rm.Material()) & rm.sphere(3)) == 40
+    assert count(many.scale((1, 2, 1)).shear(0.5, "x", "y")) == 40
     assert count(many.round(0.1)) == 0
     assert count(rm.union(many, rm.plane(), k=0.2)) == 40
     assert count(rm.union(many, rm.plane(), k=0.2, blend="chamfer")) == 0

@@ -71,6 +71,13 @@ def test_hard_union_with_materials_on_a_floor_in_shadow(renderer):
     assert_equal(*frames(renderer, node, OUTPUTS, camera=CAMERA, lights=[rm.Sun(shadow=True)]), geometry=True)
 
 
+@pytest.mark.parametrize("stretched", [lambda n: n.scale((1, 1.6, 0.7)), lambda n: n.shear(0.6, "x", "y")])
+def test_objects_that_are_stretched_together(renderer, stretched):
+    node = FLOOR | stretched(rm.union(*objects(10)))
+    made = frames(renderer, node, OUTPUTS, camera=CAMERA, lights=[rm.Sun(shadow=True)])
+    assert_equal(*made, geometry=True)
+
+
 def test_blend_with_materials(renderer):
     node = rm.union(*objects(7), k=0.3)
     assert_equal(*frames(renderer, node, OUTPUTS, camera=CAMERA), geometry=True)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from typing import Any
+
 import numpy as np
 import pytest
 
 import raymarch as rm
 from raymarch.scene.origin import default_view, origin_of, seen_from
+from raymarch.sdf.domain import Vec3
 from raymarch.sdf.shifted import shifted
 from tests.support.node_samples import NodeSample, definitions, samples
 
@@ -55,3 +59,38 @@ def test_a_pattern_stays_where_it_was() -> None:
     checked = rm.box((4, 1, 4)).material(rm.Material(rm.checker((1, 1, 1), (0, 0, 0), 0.5)))
     seen = shifted(checked, np.array([0.3, 0.0, 0.0]))
     assert seen.name == "translate" and seen.children[0] is checked
+
+
+@rm.operator(bounds=lambda child: rm.vec3(-child.box.y, child.box.x, child.box.z) + 1e6, placing="rigid")
+def laid_far(p: Any, child: Any) -> Any:
+    """A quarter turn about z, and a million along each axis."""
+    return child(rm.vec3(p.y - 1e6, 1e6 - p.x, p.z - 1e6))
+
+
+@rm.shape(
+    exactness="exact",
+    bounds=lambda centre: (centre - 1.0, centre + 1.0),
+    shift=lambda by, centre: ({"centre": centre - by}, np.zeros(3)),
+)
+def ball_at(p: Any, centre: Vec3 = (0.0, 0.0, 0.0)) -> Any:
+    """A ball about a point."""
+    return rm.length(p - centre) - 1.0
+
+
+TURNED_FAR = np.array([[0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 1, 0], [1e6, 1e6, 1e6, 1]])
+FAR = {
+    "an operator of one's own": lambda: laid_far(rm.box((0.5, 1, 2))),
+    "a matrix": lambda: rm.box((0.5, 1, 2)).transform(TURNED_FAR),
+    "a shear": lambda: rm.box((0.5, 1, 2)).shear(0.5, "x", "y").translate((1e6, 1e6, 1e6)),
+    "a shape of one's own": lambda: ball_at((1e6, 1e6, 1e6)),
+}
+
+
+@pytest.mark.parametrize("name", FAR)
+def test_what_is_placed_far_leaves_no_large_number(name: str) -> None:
+    node = FAR[name]()
+    by = np.array([1e6, 1e6, 1e6])
+    seen = shifted(node, by)
+    points = np.random.default_rng(1).uniform(-1.5, 1.5, (200, 3))
+    np.testing.assert_allclose(seen.distance(points), node.distance(points + by), rtol=0, atol=1e-9)
+    assert max(map(float, re.findall(r"\d+\.\d*(?:e[+-]?\d+)?", seen.glsl()))) < 10.0
