@@ -7,7 +7,7 @@ nearest closed-form hit.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
@@ -32,7 +32,7 @@ MOST_BOXES = 8
 """Largest number of boxes that a ray is clipped to one by one; the boxes of more operands are joined."""
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Analytic:
     """Which solids are solved in closed form, and why.
 
@@ -96,8 +96,8 @@ def choose(root: Node, asked: bool | None, hidden: bool = False) -> Analytic:
     return Analytic(f"{count}: {why}", tuple(solved), tuple(marched))
 
 
-def complete(made: Analytic, root: Node, field: Function, lowering: Lowering, hoist: Hoisting) -> None:
-    """Add the functions of a choice that solves some solids. root, field : the whole solid and its field."""
+def complete(made: Analytic, root: Node, field: Function, lowering: Lowering, hoist: Hoisting) -> Analytic:
+    """A choice that solves some solids, with its functions. root, field : the whole solid and its field."""
     o, d, start = var("origin", VEC3), var("direction", VEC3), var("start", FLOAT)
     found = []
     for node in made.solved:
@@ -112,7 +112,8 @@ def complete(made: Analytic, root: Node, field: Function, lowering: Lowering, ho
         functions.append(_union_field("solved_field", made.solved, root, lowering))
     else:
         functions.append(Function("solved_field", field.params, field(*field.params)))
-    made.hit, made.rest, made.solved_distance = map(hoist, functions)
+    hit, rest, solved_distance = map(hoist, functions)
+    return replace(made, hit=hit, rest=rest, solved_distance=solved_distance)
 
 
 def _union_field(name: str, nodes: Sequence[Node], whole: Node, lowering: Lowering) -> Function:

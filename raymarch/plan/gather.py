@@ -73,43 +73,51 @@ class Gathered:
         return sum(map(len, self.rows))
 
 
-def gather(root: Node, choice: str, exact: float, live: bool = True, why: str = "") -> Gathered:
-    """The tree with its objects as rows.
+def gather(root: Node, choice: str, exact: float, live: bool = True) -> Gathered:
+    """The tree with its objects as rows; see `Gatherer`."""
+    return Gatherer(choice, exact, live).gather(root)
+
+
+class Gatherer:
+    """Chooses the objects of trees that are rows. Forms that were read once are known to further choices.
 
     choice : "auto", "text" or "data", see `Quality.objects`. exact : distance up to which the field must be exact; if
         infinite, all objects are text. live : False for text for objects that depend on parameters or time.
-    why : why fewer objects than usual are worth rows, the reason that is given; empty if they are not.
     """
-    made = Gathered(root)
-    unlimited = not math.isfinite(exact)
-    if choice != "text" and not unlimited:
-        made.node = _Gatherer(made, choice, live, bool(why)).visit(root, exact, 0)
-    largest = max((len(node.children) for node in all_nodes(root) if node.definition.arity == "many"), default=0)
-    if made.rows and choice == "data":
-        made.reason = "Quality(objects='data')"
-    elif made.rows:
-        made.reason = why or f"{AS_DATA} or more objects of few forms"
-    elif unlimited:
-        made.reason = "ambient occlusion reads the field at distances without a limit"
-    elif choice == "text":
-        made.reason = "Quality(objects='text')"
-    else:
-        made.reason = f"no union of {AS_DATA} or more objects of few forms; the largest has {largest} operands"
-    return made
 
-
-class _Gatherer:
-    def __init__(self, made: Gathered, choice: str, live: bool, fewer: bool) -> None:
-        self.made, self.allowed = made, live
-        self.least = 2 if choice == "data" else FEWER_AS_DATA if fewer else AS_DATA
+    def __init__(self, choice: str, exact: float, live: bool = True) -> None:
+        self.choice, self.exact, self.allowed = choice, exact, live
         self.blended = False  # rows below a blend need one divisor, because blends act on undivided fields
         self.live: set[int] = set()  # forms that depend on parameters or time
-        self.alike = 1 if choice == "data" else FEWER_ALIKE if fewer else ALIKE
         self.forms: dict[Any, int] = {}
         self.known: dict[int, Signature | None] = {}
         self.plain: dict[Any, bool] = {}
         self.materials: dict[int, bool] = {}
         self.kept: list[Node] = []  # alive, because they are identified by their ids
+
+    def gather(self, root: Node, why: str = "") -> Gathered:
+        """The tree with its objects as rows.
+
+        why : why fewer objects than usual are worth rows, the reason that is given; empty if they are not.
+        """
+        self.made = Gathered(root)
+        data = self.choice == "data"
+        self.least = 2 if data else FEWER_AS_DATA if why else AS_DATA
+        self.alike = 1 if data else FEWER_ALIKE if why else ALIKE
+        unlimited = not math.isfinite(self.exact)
+        node = root if self.choice == "text" or unlimited else self.visit(root, self.exact, 0)
+        if self.made.rows and data:
+            reason = "Quality(objects='data')"
+        elif self.made.rows:
+            reason = why or f"{AS_DATA} or more objects of few forms"
+        elif unlimited:
+            reason = "ambient occlusion reads the field at distances without a limit"
+        elif self.choice == "text":
+            reason = "Quality(objects='text')"
+        else:
+            largest = max((len(n.children) for n in all_nodes(root) if n.definition.arity == "many"), default=0)
+            reason = f"no union of {AS_DATA} or more objects of few forms; the largest has {largest} operands"
+        return changed(self.made, node=node, reason=reason)
 
     def _divisor(self, members: Sequence[Node]) -> float | None:
         """The number by which the fields of some solids are divided; None if these differ."""

@@ -40,28 +40,28 @@ from raymarch.sdf.rows import Packing, Slot
 from raymarch.sdf.weights import weights_of
 
 
-@dataclass(slots=True)
-class Evaluation:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Materials:
     """The generated functions that evaluate materials. Each is None if it is not needed.
 
     model : how materials are shaded: "phong", "physical", or "mixed" if there are both. bsdf : that of all materials.
-    record : returns the struct Material, or Part with the gradient of the field. emission : emitted radiance.
+    material : returns the struct Material, or Part with the gradient of the field. emission : emitted radiance.
     glass : returns the struct Glass. relief : returns the struct Relief.
-    index : index of the material with the largest weight.
+    material_index : index of the material with the largest weight.
     """
 
     model: str = "phong"
     bsdf: BSDF = field(default_factory=Phong)
-    record: Function | None = None
+    material: Function | None = None
     emission: Function | None = None
     glass: Function | None = None
     relief: Function | None = None
-    index: Function | None = None
+    material_index: Function | None = None
 
 
 def materials_of(
     scene: Scene, solid: Node, lowering: Lowering, shaded: bool, index: bool, field: Function | None, hoist: Hoisting
-) -> Evaluation:
+) -> Materials:
     """The functions that evaluate materials at a hit. Smooth blends mix materials with the weights of normals.
 
     solid : the node of the scene with its objects as rows.
@@ -72,26 +72,26 @@ def materials_of(
     chosen = parts.materials
     kinds = {m.physical for m in chosen}
     model = "mixed" if len(kinds) == 2 else "physical" if True in kinds else "phong"
-    made = Evaluation(model, bsdf_of(chosen, scene.quality))
-    if shaded:
-        extra = SCENE_INTERACTION if mapped(scene) and needs_surface(scene) else ()
-        if needs_surface(scene):
-            glass = (scene.path_traced or scene.whitted) and any(m.transmits for m in chosen)
-            outside = PHYSICAL if glass and model != "phong" else ()  # of the surface of glass
-            wanted = _fields("Material", tuple(dict.fromkeys((*made.bsdf.fields, *outside))))
-            if field is not None:
-                made.record = parts.with_gradient("part_at", wanted, field, patterned(scene))
-            else:
-                made.record = parts.function("material_at", wanted, extra)
-        if needs_surface(scene) and mapped(scene):
-            made.relief = parts.function("relief_at", _fields("Relief", RELIEF), extra)
-        if (scene.path_traced or scene.whitted) and any(m.transmits for m in chosen):
-            made.glass = parts.function("glass_at", _fields("Glass", GLASS), extra)
-        if any(m.emits for m in chosen):
-            made.emission = parts.function("emission_at", lambda values: values["emission"], extra)
+    bsdf, reflects = bsdf_of(chosen, scene.quality), shaded and needs_surface(scene)
+    extra = SCENE_INTERACTION if mapped(scene) and reflects else ()
+    glass = shaded and (scene.path_traced or scene.whitted) and any(m.transmits for m in chosen)
+    made: dict[str, Function] = {}
+    if reflects:
+        outside = PHYSICAL if glass and model != "phong" else ()  # of the surface of glass
+        wanted = _fields("Material", tuple(dict.fromkeys((*bsdf.fields, *outside))))
+        if field is not None:
+            made["material"] = parts.with_gradient("part_at", wanted, field, patterned(scene))
+        else:
+            made["material"] = parts.function("material_at", wanted, extra)
+    if reflects and mapped(scene):
+        made["relief"] = parts.function("relief_at", _fields("Relief", RELIEF), extra)
+    if glass:
+        made["glass"] = parts.function("glass_at", _fields("Glass", GLASS), extra)
+    if shaded and any(m.emits for m in chosen):
+        made["emission"] = parts.function("emission_at", lambda values: values["emission"], extra)
     if index:
-        made.index = parts.function("material_index", None)
-    return made
+        made["material_index"] = parts.function("material_index", None)
+    return Materials(model=model, bsdf=bsdf, **made)
 
 
 Wanted: TypeAlias = Callable[[dict[str, Expr]], Expr]

@@ -256,31 +256,20 @@ OUTPUTS: Final = tuple(name for drawn in DRAWN.values() for name in drawn.output
 """The arrays that a frame can hold."""
 
 
-def passes_of(
-    names: Sequence[str],
-    quality: Quality,
-    cones: bool,
-    changes: bool = False,
-    mixed: bool = False,
-    post: Sequence[PostEffect] = (),
-    surface_texels: int = 0,
+def picture_passes(
+    names: Sequence[str], quality: Quality, changes: bool = False, mixed: bool = False, post: Sequence[PostEffect] = ()
 ) -> list[Pass]:
-    """The requested passes and those that they need, in drawing order.
+    """The requested passes and those that they need, in drawing order, without cones, and before light is split.
 
-    names : of `DRAWN`. cones : True if cones are marched first. changes : True if the scene reads time or parameters.
+    names : of `DRAWN`. changes : True if the scene reads time or parameters.
     mixed : True if a lens or an open shutter lets a pixel show many surfaces, so that no history can follow them.
-    post : the effects of the scene. surface_texels : number of textures that keep the surfaces, if passes add a few
-        samples of light each.
+    post : the effects of the scene.
     """
-    found = [CONE] if cones else []
-    found += [MARCH] if quality.steps_per_pass is not None else []
+    found = [MARCH] if quality.steps_per_pass is not None else []
     sampled = quality.steps_per_pass is None and (quality.samples > 1 or quality.temporal != "off")
     for name in names:
         if name == "color" and quality.temporal == "reproject" and not mixed:
             found += [SAMPLE, BEFORE, RESOLVE] if changes else [SAMPLE, RESOLVE]
-        elif name == "color" and surface_texels:
-            kept = tuple(f"u_surface_{k}" for k in range(surface_texels))
-            found += [replace(SURFACE, writes=kept), LIGHT, replace(AVERAGED, lights="after")]
         elif name == "color":
             found.append(AVERAGED if sampled else SINGLE)
         else:
@@ -288,6 +277,25 @@ def passes_of(
         if name == "color" and post:
             found += changed_by(found.pop(), post)
     return found
+
+
+def split_lights(passes: Sequence[Pass], texels: int) -> list[Pass]:
+    """The passes where the picture adds a few samples of light at a time. texels : number of textures that keep the
+    surfaces."""
+    found: list[Pass] = []
+    for each in passes:
+        if each.name == COLOR.name:
+            kept = tuple(f"u_surface_{k}" for k in range(texels))
+            outputs = {name: output for name, output in each.outputs.items() if name in AVERAGED.outputs}
+            found += [replace(SURFACE, writes=kept), LIGHT, replace(AVERAGED, lights="after", outputs=outputs)]
+        else:
+            found.append(each)
+    return found
+
+
+def with_cones(passes: Sequence[Pass], cones: bool) -> list[Pass]:
+    """The passes, after cones if these are marched first."""
+    return [CONE] * cones + [p for p in passes if p is not CONE]
 
 
 def changed_by(picture: Pass, post: Sequence[PostEffect]) -> list[Pass]:

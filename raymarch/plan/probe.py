@@ -5,7 +5,9 @@ Other plans contain no probe code. The picture is marched and shaded as usual, w
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 from raymarch.expr.faults import first_fault, plain
 from raymarch.expr.function import Function
@@ -38,28 +40,23 @@ def single_sample(scene: Scene) -> Scene:
 
 def plan_faults(scene: Scene) -> Probing:
     """A plan that finds the first value of each pixel that is not finite or outside its domain."""
-    made, nodes = _planned(scene, FAULTS)
+    made, nodes = _planned(scene)
     inspected = [part for f in _surface(made) for part in parts_of(f.body)]
     field, surface = first_fault([made.field.body]), first_fault(inspected)
     further = [_function("field_faults", made.field, field), _function("surface_faults", made.field, surface)]
-    _strip(made, plain(made.field))
-    made.further += further
-    made.choices["probe/note_calls"] = FAULTS.reason
-    return Probing(made, nodes)
+    probes = {"probe/note_calls": FAULTS.reason}
+    return Probing(_stripped(made, plain(made.field), FAULTS, probes, further), nodes)
 
 
 def plan_slopes(scene: Scene) -> Probing:
     """A plan that measures the largest slope of each node along the rays."""
-    made, nodes = _planned(scene, SLOPES)
-    _strip(made, made.field)
-    made.choices["probe/watch_calls"] = SLOPES.reason
-    return Probing(made, nodes)
+    made, nodes = _planned(scene)
+    return Probing(_stripped(made, made.field, SLOPES, {"probe/watch_calls": SLOPES.reason}), nodes)
 
 
-def _planned(scene: Scene, chosen: Pass) -> tuple[Plan, tuple[Node, ...]]:
+def _planned(scene: Scene) -> tuple[Plan, tuple[Node, ...]]:
     nodes: list[Node] = []
     made = plan(single_sample(scene), lowering=Lowering(sites=nodes))
-    made.passes = [chosen]
     return made, tuple(nodes)
 
 
@@ -73,10 +70,12 @@ def _function(name: str, like: Function, fault: Expr | None) -> Function:
     return Function(name, like.params, const([0.0, 0.0]) if fault is None else fault, where=like.where)
 
 
-def _strip(made: Plan, field: Function) -> None:
-    """Rename `field`, because a module defines `field` with probes, and remove the probes from all other functions."""
-    made.field = Function("field_value", field.params, field.body, field.names, field.where)
-    made.gradient, made.emission, made.material, made.relief, made.glass = (
-        None if f is None else plain(f) for f in (made.gradient, made.emission, made.material, made.relief, made.glass)
-    )
-    made.undivided, made.further = made.undivided and plain(made.undivided), list(map(plain, made.further))
+def _stripped(
+    made: Plan, field: Function, chosen: Pass, probes: Mapping[str, str], further: Sequence[Function] = ()
+) -> Plan:
+    """The plan of one pass where a module defines `field`, with probes in `field_value` and no other function."""
+    named = Function("field_value", field.params, field.body, field.names, field.where)
+    optional = ("gradient", "emission", "material", "relief", "glass", "undivided")
+    bare: dict[str, Any] = {name: plain(f) for name in optional if (f := getattr(made, name)) is not None}
+    others = [*map(plain, made.further), *further]
+    return replace(made, field=named, passes=[chosen], probes=probes, further=others, **bare)

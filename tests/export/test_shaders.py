@@ -318,7 +318,7 @@ def test_too_many_moving_objects_are_refused_at_their_line(
     ending: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Exports hold objects that move as text, of which compilers take a limited number."""
-    monkeypatch.setattr(sys.modules["raymarch.plan.plan"], "LARGEST", 16)
+    monkeypatch.setattr(sys.modules["raymarch.plan.stages"], "LARGEST", 16)
     balls = [rm.sphere(0.2).translate((0.5 * i, sin(rm.time + i), 0.0)) for i in range(40)]
     with pytest.raises(RaymarchError, match="those that move are text in exports") as caught:
         rm.export(rm.Scene(rm.union(*balls)), tmp_path / f"made.{ending}")

@@ -73,7 +73,9 @@ def test_beyond_the_limit_a_field_is_refused_unless_the_limit_is_raised(
     with Renderer((8, 6), context=egl) as renderer:
         monkeypatch.setenv("RAYMARCH_COMPILE_LIMIT", "30")
         with (
-            mock.patch("raymarch.plan.plan.materials_of", side_effect=AssertionError("refused before this is planned")),
+            mock.patch(
+                "raymarch.plan.stages.materials_of", side_effect=AssertionError("refused before this is planned")
+            ),
             pytest.raises(PlanError, match="RAYMARCH_COMPILE_LIMIT") as caught,
         ):
             renderer.render(scene)

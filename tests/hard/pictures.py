@@ -145,7 +145,7 @@ def promised(row: int, name: str, node: rm.Node, returned: str, before: str = ""
 
 def far_away() -> Iterator[Pair]:
     def stays() -> AbstractContextManager[object]:
-        return mock.patch("raymarch.plan.plan.origin_of", lambda view: np.zeros(3))
+        return mock.patch("raymarch.plan.stages.origin_of", lambda view: np.zeros(3))
 
     yield Pair(4, "far from the origin", displaced(load(HELLO), (1e6, -1e6, 5e5)), unmended=stays)
 

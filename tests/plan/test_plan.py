@@ -15,8 +15,9 @@ from rich.console import Console
 import raymarch as rm
 from raymarch.errors import PlanError
 from raymarch.plan import explain, plan
-from raymarch.plan.plan import LARGEST, Plan
+from raymarch.plan.plan import Plan
 from raymarch.plan.shading import patterned
+from raymarch.plan.stages import LARGEST
 from raymarch.shader import assemble
 
 RED, BLUE = rm.Material((1, 0, 0)), rm.Material((0, 0, 1))

@@ -1,0 +1,348 @@
+"""The stages of a plan: what is asked for, its field, its surfaces, its passes.
+
+Each stage is a function of the results before it, and its result is complete when it is made. `Plan` is all results
+together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.errors import PlanError
+from raymarch.expr.derivative import companion
+from raymarch.expr.function import Function
+from raymarch.expr.node import Expr, var
+from raymarch.expr.operations import operations as count_operations
+from raymarch.expr.operations import straight_lines
+from raymarch.expr.types import FLOAT, VEC3, Type
+from raymarch.plan import analytic, lights, marching, shading
+from raymarch.plan.analytic import Analytic
+from raymarch.plan.bounding import LEAST, Bounding
+from raymarch.plan.gather import Gathered, Gatherer
+from raymarch.plan.hoisting import Hoisting
+from raymarch.plan.marching import Marching
+from raymarch.plan.materials import Materials, materials_of
+from raymarch.plan.motion import changes, motion_of
+from raymarch.plan.objects import Located, ObjectsInCells, exact_distance, reads_field
+from raymarch.plan.passes import ATTACHMENTS, BEFORE, Pass, picture_passes, split_lights, with_cones
+from raymarch.scene.origin import DefaultView, default_view, origin_of, refuse_extent, seen_from
+from raymarch.scene.scene import Scene
+from raymarch.sdf.lower import Lowering
+from raymarch.sdf.node import Node
+from raymarch.sdf.visibility import KINDS, hidden_from, hiding_nodes, labels_hidden_from
+
+SLOW = 10.0
+"""Estimated seconds to compile a field from which fewer objects become rows. Twelve chess pieces of five kinds have
+their first frame in half the time; further frames take 1.6 times as long. See docs/scale.md."""
+
+COSTLY = 20_000
+"""Operations of costly objects together from which they become rows: cells spare as many evaluations as bounding
+volumes, in a shader with one function for each form. See docs/scale.md."""
+
+LARGEST = 1024
+"""Largest number of shapes written as code. With more, compilers take many seconds or fail."""
+
+Refuse: TypeAlias = Callable[[float, int, int], None]
+
+
+# What is asked for
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Asked:
+    """What is asked for.
+
+    given : the scene of the caller. view : its default view. origin : origin of the shader's coordinates in that
+        scene, shape (3,), float64.
+    scene : the scene relative to `origin`; all that is planned describes it.
+    standalone : True for a shader that computes the values of a frame itself and marches no cones.
+    pictures : the passes that are asked for, without cones, and before light is split.
+    """
+
+    given: Scene
+    view: DefaultView
+    origin: NDArray[np.float64]
+    scene: Scene
+    standalone: bool
+    pictures: Sequence[Pass]
+
+    @property
+    def shaded(self) -> bool:
+        """True if surfaces reflect or emit light, and a pass draws it."""
+        return shading.lit(self.scene) and any(p.shades for p in self.pictures)
+
+    @property
+    def geometry(self) -> bool:
+        """True if a pass draws normals and indices of materials."""
+        return any(p.surfaces for p in self.pictures)
+
+
+def ask(scene: Scene, passes: Sequence[str], standalone: bool) -> Asked:
+    """The scene relative to its origin, and the passes that draw it. PlanError if they cannot be combined."""
+    view = default_view(scene)
+    origin = origin_of(view)
+    seen = lights.with_discs(seen_from(scene, origin))
+    mixed = _refuse_mixed(seen, standalone)
+    post = () if standalone else seen.post
+    pictures = picture_passes(passes, seen.quality, changes(seen), mixed, post)
+    return Asked(given=scene, view=view, origin=origin, scene=seen, standalone=standalone, pictures=pictures)
+
+
+def _refuse_mixed(scene: Scene, standalone: bool) -> bool:
+    """Whether a pixel shows many surfaces, by a lens or an open shutter. PlanError if they cannot be drawn."""
+    found = {"aperture": scene.camera.lens, "shutter": scene.motion_blur}
+    for name, used in found.items():
+        if used and scene.quality.steps_per_pass is not None:
+            what = f"Quality(steps_per_pass=...) marches one ray per pixel, and Camera({name}=...) needs many"
+            raise PlanError(what, legal=f"steps_per_pass=None, or {name}=0", where=scene.camera.where)
+    if found["shutter"] and standalone:
+        what = "Camera(shutter=...): an exported shader draws one moment"
+        raise PlanError(what, legal="shutter=0, or a picture or film by `raymarch render`", where=scene.camera.where)
+    return any(found.values())
+
+
+# Objects
+
+
+@dataclass(frozen=True, slots=True)
+class Objects:
+    """The objects that are rows. fewer : with the objects that are rows where text takes long to compile, if the plan
+    may still choose these."""
+
+    chosen: Gathered
+    fewer: Gathered | None = None
+
+
+def objects_of(asked: Asked, all_fixed: bool) -> Objects:
+    """Choose the objects that are rows. all_fixed : they do not depend on the cost of their text."""
+    scene, quality = asked.scene, asked.scene.quality
+    live = not asked.standalone and quality.temporal != "reproject"  # motion vectors are computed for text
+    gatherer = Gatherer(quality.objects, exact_distance(scene), live)
+    chosen = gatherer.gather(scene.node)
+    if all_fixed or chosen.rows or quality.objects != "auto":
+        return Objects(chosen)
+    fewer = gatherer.gather(scene.node, why="costly")
+    costly = _costly(fewer)
+    total = sum(operations for _, operations in costly)
+    if total < COSTLY or quality.bounding_volumes:
+        return Objects(chosen, fewer if fewer.rows else None)
+    each = f"{sum(n for n, _ in costly)} of them take {LEAST} operations or more, {total:,} together"
+    shared = f"each of {len(costly)} forms" if len(costly) > 1 else "all"
+    why = f"{each} (from {COSTLY:,} on they are rows); text repeats them, rows share one function for {shared}"
+    return Objects(replace(fewer, reason=why))
+
+
+def _costly(gathered: Gathered) -> list[tuple[int, int]]:
+    """Of each form whose objects take so many operations that text would give them bounding volumes: the number of
+    objects, and their operations together."""
+    each = [(len(f), count_operations([f.columns.field.body])) for rows in gathered.rows for f in rows.forms]
+    return [(n, n * operations) for n, operations in each if operations >= LEAST]
+
+
+# The field
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Fields:
+    """The field, and how it is evaluated.
+
+    hoist : replaces the time-only expressions of the functions of a shader.
+    seen : the field of camera rays, if parts are hidden from some kind of ray.
+    hidden : the kinds of rays that parts are hidden from. If there are any, `field` reads the kind of the ray.
+    gathered, located : the objects that are rows, and their cells.
+    operations : of one evaluation. shapes : number of distinct shapes written as code.
+    """
+
+    hoist: Hoisting
+    field: Function
+    seen: Function | None
+    hidden: Sequence[str]
+    bounding: Bounding
+    analytic: Analytic
+    gathered: Gathered
+    located: Sequence[Located]
+    operations: int
+    shapes: int
+
+
+def fields_of(
+    asked: Asked, objects: Objects, lowering: Lowering | None, refuse: Refuse | None
+) -> tuple[Fields, Lowering]:
+    """The field, and the pass over its nodes that others continue. PlanError if it is too large.
+
+    refuse : see `plan`.
+    """
+    made = _Lowered(asked, objects.chosen, lowering)
+    if objects.fewer is not None and made.seconds > SLOW:
+        estimate = f"text is estimated to take {made.seconds:.0f} s to compile, more than {SLOW:.0f}"
+        why = f"{estimate}; rows share one function for each form"
+        made = _Lowered(asked, replace(objects.fewer, reason=why))
+    lowering, hoist, field, gathered = made.lowering, made.hoist, made.field, made.gathered
+    if len(lowering.shapes) > LARGEST:
+        raise PlanError(
+            f"the field has {len(lowering.shapes)} shapes, too many to compile as text",
+            legal=f"up to {LARGEST} distinct shapes; objects of equal form can be data (docs/scale.md), "
+            + "but those that move are text in exports, " * asked.standalone
+            + "and `repeat` makes copies of one",
+            where=asked.scene.node.where,
+        )
+    operations = count_operations([field.body], turns=not gathered.rows)
+    if refuse is not None:
+        refuse(made.seconds, operations, len(lowering.shapes))
+    solid, hidden, seen = gathered.node, made.hidden, None
+    if hidden:
+        _refuse_hidden_glass(asked.scene, solid)
+        seen = hoist(lowering.for_camera().field(solid))
+    closed = analytic.choose(solid, asked.scene.quality.analytic, hidden=bool(hidden))
+    if closed.used:
+        closed = analytic.complete(closed, solid, field, lowering, hoist)
+    refuse_extent(asked.view, asked.origin, seen or field)
+    found = Fields(
+        hoist=hoist,
+        field=field,
+        seen=seen,
+        hidden=[kind for kind in KINDS if any(kind in hidden_from(node) for node in hidden)],
+        bounding=made.bounding,
+        analytic=closed,
+        gathered=gathered,
+        located=[made.objects.located(rows) for rows in gathered.rows],
+        operations=operations,
+        shapes=len(lowering.shapes),
+    )
+    return found, lowering
+
+
+class _Lowered:
+    """The function of the field with some objects as rows, and what makes further functions of the same nodes."""
+
+    def __init__(self, asked: Asked, gathered: Gathered, lowering: Lowering | None = None) -> None:
+        self.gathered, self.lowering = gathered, lowering or Lowering()
+        self.objects = ObjectsInCells(gathered.rows)
+        self.hidden = hiding_nodes(gathered.node)
+        self.hoist = Hoisting(self.lowering.origins)
+        self.bounding = Bounding(asked.scene.quality.bounding_volumes, self.hoist)
+        if gathered.rows:
+            self.lowering.objects = self.objects
+        self.lowering.rays = None if self.hidden else "camera"
+        allowed = self.bounding.allowed(hidden=bool(self.hidden), rows=bool(gathered.rows))
+        if allowed and self.lowering.sites is None:
+            self.lowering.bounding = self.bounding
+        self.field = self.hoist(self.lowering.field(gathered.node))
+
+    @property
+    def seconds(self) -> float:
+        return compile_seconds(self.field)
+
+
+def compile_seconds(field: Function) -> float:
+    """Estimated seconds that a software renderer takes to compile a field and draw its first frame.
+
+    Measured on llvmpipe: chains of 100, 200 and 1,000 smooth unions take 4.5, 16 and 346 s, polygons of 50 and 100
+    corners 7 and 22 s. The time grows with the square of the operations in text without branches. 3,500 operations
+    in bounding volumes, which are branches, take 6.5 s.
+    """
+    return sum(1.2e-3 * n + 1.3e-6 * n * n for n in straight_lines([field.body]))
+
+
+def _refuse_hidden_glass(scene: Scene, solid: Node) -> None:
+    """PlanError for glass that rays which start at surfaces do not see: they would enter it and never leave it."""
+    glass = any(m is not None and m.transmits for m in labels_hidden_from(solid, "reflection"))
+    if glass and (scene.path_traced or scene.whitted):
+        what = "visible(reflection=False) hides a part that transmits light: its refracted rays would not leave it"
+        legal = "reflection=True for glass, or a scene without bounces"
+        raise PlanError(what, legal=legal, where=hiding_nodes(solid)[0].where)
+
+
+# Surfaces
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Surfaces(Materials):
+    """The functions that passes evaluate at a hit, besides those of materials. Each is None if it is not needed.
+
+    joint : True if one function finds both gradient and material.
+    undivided : the field before it is divided, for effects that read distances; None if they read `field`.
+    further : further functions of the point that modules call.
+    twins : leaves whose current values the motion pass reads, by the name of their twin; see `raymarch.plan.motion`.
+    """
+
+    joint: bool
+    gradient: Function | None
+    undivided: Function | None
+    further: Sequence[Function]
+    twins: Mapping[str, Expr]
+
+
+def surfaces_of(asked: Asked, fields: Fields, lowering: Lowering) -> Surfaces:
+    """The functions of normals, materials, distances and motion that the passes need."""
+    scene, solid, hoist = asked.scene, fields.gathered.node, fields.hoist
+    shaded, geometry, moving = asked.shaded, asked.geometry, BEFORE in asked.pictures
+    further: list[Function] = []
+    undivided, soft = None, any(map(reads_field, scene.lights))
+    if solid.facts.divided and shaded and (soft or scene.occlusion is not None):
+        undivided = hoist(lowering.again().field(solid, "undivided_field", undivided=True))
+        r = var("r", FLOAT)
+        slope = solid.facts.undivided / solid.facts.lipschitz
+        further += [undivided, Function("divided", (r,), r / slope)] if soft else []
+    joint = shading.with_gradient(scene) and shaded and lowering.sites is None
+    needs_normal = (shaded and shading.needs_surface(scene) and not joint) or geometry or moving
+    sliced = any(p.name == "slice" for p in asked.pictures)
+    gradient = None
+    if sliced or (needs_normal and scene.quality.normals == "analytic"):
+        gradient = companion(fields.field)
+    materials = Materials()
+    if shaded or geometry:
+        materials = materials_of(scene, solid, lowering, shaded, geometry, fields.field if joint else None, hoist)
+    twins: Mapping[str, Expr] = {}
+    if moving:
+        place, twins = motion_of(solid, lowering, hoist)
+        further.append(place)
+    found = {"joint": joint, "gradient": gradient, "undivided": undivided, "further": further, "twins": twins}
+    return Surfaces(**vars(materials), **found)  # type: ignore[arg-type]
+
+
+def kept_surface(asked: Asked, surfaces: Materials) -> list[tuple[str, Type]]:
+    """What passes that add light read of a surface: its parts as GLSL text, and their types."""
+    assert surfaces.material is not None
+    material = surfaces.material.type
+    material = dict(material.fields).get("material", material)
+    found = [("surface.normal", VEC3), ("surface.t", FLOAT)]
+    found += [(f"surface.material.{name}", type) for name, type in material.fields]
+    if shading.mapped(asked.scene):
+        found += [("surface.geometric_normal", VEC3), ("surface.ambient_visibility", FLOAT)]
+    found += [("u_side", FLOAT)] if "OWN_START" in marching.variants_of(asked.scene) else []
+    return found + ([("emitted", VEC3)] if surfaces.emission is not None else [])
+
+
+# Passes
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Drawn:
+    """The march of the rays, and all passes in drawing order."""
+
+    marching: Marching
+    passes: Sequence[Pass]
+
+
+def drawn_of(asked: Asked, fields: Fields, surfaces: Materials, size: tuple[int, int] | None) -> Drawn:
+    """The passes that draw what is asked for. size : of the picture, as for `plan`."""
+    march, passes = marching_of(asked, fields, size), asked.pictures
+    several = not asked.standalone and [p.name for p in passes if p.shades] == ["color"] and lights.split(asked.scene)
+    if several and surfaces.material is not None:
+        texels = 1 + max(k for k, _ in lights.layout([type for _, type in kept_surface(asked, surfaces)]))
+        passes = split_lights(passes, texels) if texels <= ATTACHMENTS else passes
+    return Drawn(marching=march, passes=with_cones(passes, march.cones))
+
+
+def marching_of(asked: Asked, fields: Fields, size: tuple[int, int] | None) -> Marching:
+    """The tracer and the cones of the marched solids."""
+    closed, cells = fields.analytic, bool(fields.gathered.rows)
+    marched = count_operations([closed.rest.body], turns=not cells) if closed.rest else fields.operations
+    far = not all(node.facts.bounded for node in (closed.marched if closed.used else [asked.scene.node]))
+    return marching.choose(asked.scene, marched, size, asked.standalone, cells, closed.used, far)
