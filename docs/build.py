@@ -1,4 +1,4 @@
-"""Build the pages generated from the code: docs/nodes.md, parts.md, proofs.md and the pictures of all nodes.
+"""Build the pages generated from the code: docs/nodes.md, parts.md, api.md, proofs.md and the pictures of all nodes.
 
 python docs/build.py            # everything
 python docs/build.py --text     # the text only, without rendering
@@ -376,6 +376,7 @@ def paletted(image: Image.Image) -> Image.Image:
 def main() -> None:
     (HERE / "nodes.md").write_text(page(), encoding="utf-8")
     (HERE / "parts.md").write_text(parts_page(), encoding="utf-8")
+    runpy.run_path(str(HERE / "api.py"), run_name="__main__")
     runpy.run_path(str(HERE / "proofs.py"))["main"]()
     if "--text" not in sys.argv:
         pictures(sys.argv[1:])

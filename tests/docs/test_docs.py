@@ -118,10 +118,13 @@ def test_the_tables_and_files_that_the_page_names_exist():
         assert (ROOT / file).exists(), file
 
 
-@pytest.mark.parametrize(("name", "function"), [("nodes", "page"), ("parts", "parts_page")])
-def test_a_generated_page_is_that_of_the_code(name, function):
-    """`python docs/build.py` generates it; this test does not compare the pictures."""
-    code = f"import runpy, sys; sys.stdout.write(runpy.run_path('docs/build.py')['{function}']())"
+@pytest.mark.parametrize(
+    ("name", "script", "function"),
+    [("nodes", "build", "page"), ("parts", "build", "parts_page"), ("api", "api", "page")],
+)
+def test_a_generated_page_is_that_of_the_code(name, script, function):
+    """`docs/{script}.py` generates it; this test does not compare the pictures."""
+    code = f"import runpy, sys; sys.stdout.write(runpy.run_path('docs/{script}.py')['{function}']())"
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, check=True)
     assert done.stdout.decode() == (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")
@@ -133,6 +136,12 @@ def test_the_page_of_parts_lists_every_parameter():
         section = text.partition(f"### {part.__name__}\n")[2].partition("\n### ")[0]
         listed = re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE)
         assert listed == list(inspect.signature(part).parameters), part
+
+
+def test_every_public_name_is_on_a_page():
+    text = "\n".join(page.read_text(encoding="utf-8") for page in (ROOT / "docs").glob("*.md"))
+    named = set(re.findall(r"\b(?:rm|raymarch)\.(\w+)", text)) | set(re.findall(r"^#+ (\w+)$", text, re.MULTILINE))
+    assert set(rm.__all__) - named == {"__version__"}
 
 
 ROWS = [line for line in (ROOT / "docs" / "nodes.md").read_text(encoding="utf-8").splitlines() if line[:4] == "| !["]
