@@ -12,6 +12,7 @@ import sysconfig
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from types import FrameType
 from typing import Any
 
@@ -139,13 +140,17 @@ def user_location() -> Location | None:
     while frame is not None:
         file = frame.f_code.co_filename
         # Methods that dataclasses generate have no file, but the globals of their module.
-        generated_here = str(frame.f_globals.get("__name__")).startswith("raymarch.")
-        if is_users(file) and not generated_here and os.path.basename(file) != "raymarch":  # the installed command
-            return Location(file, frame.f_lineno)
+        if is_users(file) and not str(frame.f_globals.get("__name__")).startswith("raymarch."):
+            return _location(file, frame.f_lineno)
         frame = frame.f_back
     return None
 
 
+@lru_cache(4096)
 def is_users(file: str) -> bool:
-    """True if a Python file is neither in this package nor in an installed library."""
-    return not file.startswith(_NOT_THE_USERS)
+    """True if a Python file is neither in this package nor in an installed library, nor the installed command."""
+    return not file.startswith(_NOT_THE_USERS) and os.path.basename(file) != "raymarch"
+
+
+_location = lru_cache(4096)(Location)
+"""One object for the many nodes and expressions of a line."""

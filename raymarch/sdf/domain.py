@@ -7,7 +7,7 @@ The decorators read the `Domain` in the annotation, convert each argument, and r
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 from typing import Annotated, Any, TypeAlias
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import bound, value_of
-from raymarch.expr.convert import belongs, holdable, instance, integer, numbers, plain, short, switch
+from raymarch.expr.convert import LARGEST, belongs, holdable, instance, integer, numbers, plain, short, switch
 from raymarch.expr.intervals import Interval, interval_of
 from raymarch.expr.node import Expr, const, expr
 from raymarch.expr.samples import Samples
@@ -51,6 +51,12 @@ class Domain:
     stretch: bool = False
     holds: Kind = int
     points: int = 0
+    inner: tuple[float, float] = field(init=False, repr=False, compare=False)
+    """Between these two a number is legal, and so it is after rounding to float32; see `_plain`."""
+
+    def __post_init__(self) -> None:
+        low, high = max(self.low, -LARGEST), min(self.high, LARGEST)
+        object.__setattr__(self, "inner", (low + 1e-6 * max(abs(low), 1e-30), high - 1e-6 * max(abs(high), 1e-30)))
 
     @property
     def legal(self) -> str:
@@ -79,6 +85,8 @@ class Domain:
         """The value as the definition receives it. SceneError with the value and its legal range if it is not legal."""
         if self.type is None:
             return self._accept_static(node, name, value)
+        if (known := self._plain(value)) is not None:
+            return known
         try:
             given = _expression(value)
         except SceneError:
@@ -95,6 +103,26 @@ class Domain:
         self._check(node, name, value, given)
         return unit(given) if self.direction else given
 
+    def _plain(self, value: Any) -> Expr | None:
+        """The constant of plain numbers that are legal at first sight; None for all else. Scenes of many objects are
+        made of these: looking closely takes ten times as long."""
+        least, most = self.inner
+        if isinstance(value, np.ndarray | np.generic) and value.dtype.kind in "fiu":
+            value = value.tolist()
+        if type(value) is float or type(value) is int:
+            return const(float(value)) if self.type is FLOAT and least < value < most else None
+        if (
+            type(value) not in (tuple, list)
+            or self.type is None
+            or len(value) != self.type.size
+            or not self.type.is_vector
+        ):
+            return None
+        for number in value:
+            if (type(number) is not float and type(number) is not int) or not least < number < most:
+                return None
+        return const(value) if not self.direction or sum(n * n for n in value) == 1.0 else None
+
     def _accept_static(self, node: str, name: str, value: Any) -> Any:
         what = f"{node}: {name}"
         if self.points:
@@ -109,8 +137,9 @@ class Domain:
         return integer(what, value, self.low, self.high, self.legal)
 
     def _check(self, node: str, name: str, value: Any, given: Expr) -> None:
-        low, high = interval_of(given)
-        if given.is_constant:
+        if not given.is_constant:
+            low, high = interval_of(given)
+        else:
             with np.errstate(over="ignore"):  # checked in float32, the shader's precision: overflow and underflow count
                 low = high = given.data.astype(np.float32)
             if not np.all(np.isfinite(low)):

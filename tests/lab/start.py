@@ -4,6 +4,7 @@ python -m tests.lab.start                              # this checkout, examples
 python -m tests.lab.start ../other -n 15               # and another one
 python -m tests.lab.start --scene examples/csg.py --cold   # without the driver's shader cache
 python -m tests.lab.start --words --help               # another command
+python -m tests.lab.start --nodes 20000                # the nodes of a scene of as many objects, in each checkout
 
 The first run of each is not counted: it compiles the bytecode and fills the driver's cache.
 """
@@ -35,15 +36,40 @@ def once(tree: Path, words: list[str], folder: str, cold: bool) -> tuple[float, 
     return wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
+def make_nodes(n: int) -> None:
+    """Prints the CPU time of a node, of six to an object."""
+    import raymarch as rm
+
+    def objects(n: int) -> None:
+        color = rm.Material(color=(0.2, 0.5, 0.5))
+        for i, place in enumerate(np.random.default_rng(1).uniform(-50, 50, (n, 3)).tolist()):
+            shape = rm.sphere(0.3 + 0.01 * (i % 7)) if i % 2 else rm.box((0.5, 0.4, 0.3 + 0.01 * (i % 5)))
+            turned = shape.round(0.02).rotate(0.1 * (i % 60), "y").scale(1.0 + 0.1 * (i % 3))
+            turned.translate(place).material(color)
+
+    objects(10)
+    start = time.process_time()
+    objects(n)
+    print(f"{1e6 * (time.process_time() - start) / (6 * n):.1f} us of CPU a node, {6 * n} nodes")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("trees", nargs="*", type=Path, help="other checkouts")
     parser.add_argument("-n", type=int, default=15, help="runs of each")
     parser.add_argument("--scene", default="examples/hello.py")
     parser.add_argument("--cold", action="store_true", help="without the driver's shader cache")
+    parser.add_argument("--nodes", type=int, default=0, help="make the nodes of so many objects")
     parser.add_argument("--words", nargs=argparse.REMAINDER, help="the words of another command")
     given = parser.parse_args()
     trees = [ROOT, *(tree.resolve() for tree in given.trees)]
+    if given.nodes:
+        code = f"import runpy; runpy.run_path({str(Path(__file__).resolve())!r})['make_nodes']({given.nodes})"
+        for tree in trees * 3:
+            print(f"{tree}: ", end="", flush=True)
+            environment = {**os.environ, "PYTHONPATH": str(tree)}
+            subprocess.run([sys.executable, "-c", code], env=environment, cwd="/", check=True)
+        return
     words = given.words or ["render", str(ROOT / given.scene)]
     found: dict[Path, list[tuple[float, float]]] = {tree: [] for tree in trees}
     with tempfile.TemporaryDirectory() as folder:

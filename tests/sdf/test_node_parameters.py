@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from cProfile import Profile
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ from raymarch.expr.types import VEC3
 from raymarch.gpu.context import Context
 from raymarch.scene.parameter import Param, time
 from raymarch.sdf import Node, box, capsule, cylinder, plane, shell, sphere, torus, union
+from raymarch.sdf import domain as domains
+from raymarch.sdf.domain import Domain
 from tests.support.glsl_harness import run
 from tests.support.refusals import refused
 
@@ -161,3 +164,53 @@ def test_uniforms_and_literals_give_the_same(egl: Context, node: Node) -> None:
 def test_a_range_does_not_change_the_text() -> None:
     for low, high in ((0.5, 1.0), (0.1, 5.0)):
         assert sphere(Param("r", 0.7, low, high)).glsl() == sphere(Param("r", 0.7, 0.2, 0.9)).glsl()
+
+
+DOMAINS: dict[str, Domain] = {
+    name: kind.__metadata__[0]
+    for name, kind in vars(domains).items()
+    if hasattr(kind, "__metadata__") and (of := kind.__metadata__[0].type) is not None and not of.is_matrix
+}
+
+PLAIN: list[Any] = [
+    *(0.3, 1, 1e-37, 1e-30, 1e38, 4e38, -0.5, 0, np.float32(0.3), np.float64(2.0), np.int64(2), np.array(0.7), True),
+    *((0.0, 1.0, 0.0), [0.6, 0.8, 0.0], (1, 2, 3), np.array([1, 2, 3]), np.array([0.5, 0.25, 2.0], np.float32)),
+    *(
+        2.5,
+        (1.0, 2.0),
+        (2.0, 3),
+        (3.0, 4.0, 5.0, 6.0),
+        [1.0, NAN, 0.0],
+        (1.0, INF, 2.0),
+        (1, True, 0),
+        (0, 0, 0),
+        "a",
+        None,
+        [[1.0, 2.0]],
+        2**70,
+    ),
+]
+
+
+@pytest.mark.parametrize("domain", DOMAINS, ids=DOMAINS)
+def test_plain_numbers_are_accepted_as_all_others(domain: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`Domain._plain` is a short cut: without it the values, and what is refused, are the same."""
+
+    def accepted(value: Any) -> Any:
+        try:
+            return DOMAINS[domain].accept("node", "value", value)
+        except SceneError as fault:
+            return str(fault)
+
+    quick = list(map(accepted, PLAIN))
+    assert sum(DOMAINS[domain]._plain(value) is not None for value in PLAIN) >= 1
+    monkeypatch.setattr(Domain, "_plain", lambda self, value: None)
+    assert quick == list(map(accepted, PLAIN))
+
+
+def test_a_node_takes_few_calls() -> None:
+    """Scenes of many objects are made of plain numbers, in less than 100 calls of Python for each node."""
+    run = Profile()
+    run.runcall(lambda: [sphere(0.5 + 0.01 * i).round(0.1).translate((i, 2.0, 3.0)) for i in range(100)])
+    calls = sum(each.callcount for each in run.getstats())
+    assert calls / 300 < 100
