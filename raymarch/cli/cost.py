@@ -78,7 +78,9 @@ def run(
     by: Annotated[str, typer.Option(help=f"Error metric of the Pareto front: {', '.join(METRICS)}.")] = "pixels_p99",
     repeats: Annotated[int, typer.Option(min=1, max=1000, help="Timed frames per setting.")] = 9,
     seed: Annotated[int, typer.Option(help="Seed of the random order of frames.")] = 1,
-    samples: Annotated[int, typer.Option(help="Rays per pixel of the reference picture, a square number.")] = 16,
+    samples: Annotated[
+        int, typer.Option("--reference-samples", help="Rays per pixel of the reference picture, a square number.")
+    ] = 16,
     everything: Annotated[bool, typer.Option("--all", help="Show all settings, including dominated ones.")] = False,
     json: Annotated[Path | None, typer.Option(help="Write all results as JSON.")] = None,
     csv: Annotated[Path | None, typer.Option(help="Write one line per setting as CSV.")] = None,
@@ -111,7 +113,7 @@ def run(
     if by not in METRICS:
         raise CommandError(f"--by {by}", legal=", ".join(METRICS))
     if not 1 <= samples <= 256 or round(samples**0.5) ** 2 != samples:
-        raise CommandError(f"--samples {samples}", legal="a square number from 1 to 256")
+        raise CommandError(f"--reference-samples {samples}", legal="a square number from 1 to 256")
     if cluster is not None and (check_ is not None or write_baseline is not None):
         raise CommandError("--check or --write-baseline together with --cluster", legal="one of them")
     if cluster is not None and effects:

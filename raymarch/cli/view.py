@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -34,6 +35,7 @@ def run(
     scene: SceneFile,
     size: Annotated[str, typer.Option(metavar="WxH", help="Width and height of the window.")] = "960x540",
     set_: Settings = None,
+    time: Annotated[float | None, typer.Option(help="Value of `time` at the start, in seconds.")] = None,
     budget: Annotated[
         float, typer.Option(metavar="MS", help="Frame time while something moves, in milliseconds.")
     ] = 33.0,
@@ -58,6 +60,8 @@ def run(
         raise CommandError(f"--budget {budget:g}", legal="1 to 10000 milliseconds")
     if demo_seconds is not None and not 0.0 <= demo_seconds <= 86_400.0:
         raise CommandError(f"--demo-seconds {demo_seconds:g}", legal="0 to 86400")
+    if time is not None and not math.isfinite(time):
+        raise CommandError(f"--time {time:g}", legal="a finite number of seconds")
     from raymarch.window.accuracy import MEASURED, Stop, measured_stops
     from raymarch.window.viewer import Viewer  # imports glfw: only when a window opens
 
@@ -68,7 +72,7 @@ def run(
             stops = measured_stops(measured)
     with _said_if_slow(f"loading {scene} (Ctrl+C to stop)"):
         params = parse_settings(set_ or [])
-        viewer = Viewer(scene, parse_size(size), params, budget, settings, log, samples, panel, stops)
+        viewer = Viewer(scene, parse_size(size), params, budget, settings, log, samples, panel, stops, time)
     code = viewer.run(demo_seconds)
     if code == 2 and viewer.model.fault is not None:  # the message in the window is gone
         errors.print(f"raymarch: {viewer.model.fault.text()}")

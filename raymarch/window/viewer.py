@@ -89,6 +89,7 @@ class Viewer:
     samples : rays per pixel of a still picture.
     panel : whether the panel is visible at the start, if its extra is installed.
     stops : the settings between fast and exact; none are the presets.
+    time : of the scene at the start, in seconds; None is that of the settings, or 0.
 
     Raises SceneError, PlanError, ShaderError for a scene that cannot be shown, DeviceError without a display.
     """
@@ -104,12 +105,15 @@ class Viewer:
         samples: int = 16,
         panel: bool = True,
         stops: tuple[Stop, ...] = (),
+        time: float | None = None,
     ) -> None:
         state = opened(file, load(file), params or {}, size[0] / size[1])
         if settings is not None:
             saved = read_json("--settings", settings, SAVED_SETTINGS)
             with reading("--settings", settings, SAVED_SETTINGS):
                 state.restore(saved)
+        if time is not None:
+            state.timeline = state.timeline.scrub(time)
         self.model = Model(state, budget, samples, stops or preset_stops(), size=size)
         self._constants, self._clicks, self._edited = Constants(), Constants(), Constants()
         ready, _ = self._constants.fit(prepare(state.progressive, size=size))

@@ -462,7 +462,7 @@ def test_explain_needs_no_driver(folder: Path) -> None:
         ("explain", "hello.py", "--json"),
         ("doctor",),
         ("doctor", "--json"),
-        ("cost", "hello.py", "--size", "16x9", "--repeats", "1", "--cross", "tracer", "--samples", "1"),
+        ("cost", "hello.py", "--size", "16x9", "--repeats", "1", "--cross", "tracer", "--reference-samples", "1"),
         ("--help",),
     ],
     ids=" ".join,

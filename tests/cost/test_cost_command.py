@@ -19,7 +19,7 @@ from tests.support.commands import files
 HELLO = """import raymarch as rm
 scene = rm.Scene(rm.union(rm.sphere(rm.Param("size", 1.0, 0.5, 2.0)), rm.plane(offset=-1), k=1e-3))
 """
-QUICK = ("--size", "32x18", "--repeats", "1", "--samples", "1")
+QUICK = ("--size", "32x18", "--repeats", "1", "--reference-samples", "1")
 
 
 @pytest.fixture
@@ -85,8 +85,8 @@ def test_without_matplotlib_nothing_is_measured_in_vain(folder, capsys, monkeypa
         (("hello.py", "--by", "beauty"), "pixels_p99"),
         ((), "SCENE.py"),
         (("hello.py", "--suite"), "--suite"),
-        (("hello.py", "--samples", "5"), "square"),
-        (("hello.py", "--samples", "-1"), "square"),
+        (("hello.py", "--reference-samples", "5"), "square"),
+        (("hello.py", "--reference-samples", "-1"), "square"),
         (("hello.py", "--cross", "speed"), "speed"),
         (("hello.py", "--axis", "speed=1"), "speed"),
         (("hello.py", "--axis", "epsilon"), "NAME=VALUE"),

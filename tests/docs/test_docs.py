@@ -86,7 +86,7 @@ def test_the_commands_run(tmp_path, monkeypatch):
     # A window needs a display, and stays; its own tests open some.
     monkeypatch.setattr("raymarch.window.viewer.Viewer", lambda *_: SimpleNamespace(run=lambda _: 0))
     monkeypatch.setattr("raymarch.cost.search.LADDER", (2.0, 0.1))  # whether all settings are tried is tested elsewhere
-    few = {"cost": ["--cross", "normals", "--repeats", "1", "--samples", "1"]}
+    few = {"cost": ["--cross", "normals", "--repeats", "1", "--reference-samples", "1"]}
     scene = tmp_path / "SCENE.py"
     scene.write_text('import raymarch as rm\nscene = rm.sphere(rm.Param("gap", 1, 0.5, 5))\n')
     lines = [line for block in blocks(ROOT / "docs" / "commands.md", "sh") for line in block.splitlines()]

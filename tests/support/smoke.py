@@ -31,7 +31,9 @@ EXTRAS = {
     "av": ["render SCENE -o film.mp4 --size 16x16 --frames 0:2"],
     "OpenEXR": ["render SCENE -o picture.exr --size 8x5"],
     "trimesh": ["export SCENE -o mesh.ply --cells 8 --box=-1,-1,-1:1,1,1"],
-    "matplotlib": ["cost SCENE --size 8x5 --repeats 1 --samples 1 --cross epsilon --axis epsilon=.5 --plot cost.png"],
+    "matplotlib": [
+        "cost SCENE --size 8x5 --repeats 1 --reference-samples 1 --cross epsilon --axis epsilon=.5 --plot cost.png"
+    ],
 }
 """Commands that need a package, by its name."""
 
@@ -44,7 +46,7 @@ COMMANDS = [
     "export SCENE -o scene.glsl",
     "export SCENE -o scene.wgsl",
     "export SCENE -o scene.html",
-    "cost SCENE --size 8x5 --repeats 1 --samples 1 --cross epsilon --axis epsilon=.5 --json cost.json",
+    "cost SCENE --size 8x5 --repeats 1 --reference-samples 1 --cross epsilon --axis epsilon=.5 --json cost.json",
 ]
 
 

@@ -121,10 +121,10 @@ def test_a_scene_that_moves(view: View, tmp_path: Path) -> None:
     camera = {"position": [1, 1, 6], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40.0}
     settings = {"camera": camera, "params": {"radius": 1.4}, "time": 0.0, "view": "final"}
     (tmp_path / "kept.json").write_text(json.dumps(settings))
-    session = view(text, "--size", "320x200", "--settings", "kept.json", moving=True)
+    session = view(text, "--size", "320x200", "--settings", "kept.json", "--time", "20", moving=True)
     hand = session.hand
     hand.key("space")
-    assert session.wait("time", lambda e: not e["playing"])["time"] > 0
+    assert session.wait("time", lambda e: not e["playing"])["time"] > 20
     for name in ("Home", "period", "period", "period", "l"):
         hand.key(name)
     mark = session.mark()

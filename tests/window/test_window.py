@@ -127,6 +127,7 @@ def test_a_bad_scene_opens_no_window(tmp_path: Path, capfd: Capture, text: str, 
     [
         (("--size", "0x9"), "--size 0x9"),
         (("--budget", "0"), "--budget 0"),
+        (("--time", "nan"), "--time nan"),
         (("--set", "radius=9"), "parameter 'radius' = 9 (a number >= 0.5 and <= 2)"),
         (("--set", "other=1"), "unknown parameter 'other'"),
         (("--settings", "deep.json"), "--settings: cannot read 'deep.json': it is broken (RecursionError"),
