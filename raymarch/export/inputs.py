@@ -83,7 +83,8 @@ def shader_of(made: Plan, host: Mapping[str, str] = MappingProxyType({})) -> Sha
 
 def declarations(made: Plan, shader: Shader, values: Values) -> dict[str, str]:
     """The lines that replace uniforms in every text: variables of a frame, and constant data."""
-    lines = {line.uniform: line.text.removeprefix("uniform ") for line in shader.body if is_own(line.uniform)}
+    declared = {line.uniform.name: line.text for line in shader.body if line.uniform}
+    lines = {name: text.removeprefix("uniform ") for name, text in declared.items() if is_own(name)}
     return lines | sky_light(made) | _constants(made, shader, values)
 
 

@@ -18,9 +18,10 @@ from raymarch.export.film import FILMS, check_film, write_film
 from raymarch.export.stills import FORMATS, NUMBERS, Shot, content_of, save
 from raymarch.files import UNFINISHED, import_optional, written
 from raymarch.gpu.part import Part, prepared_part
-from raymarch.gpu.prepare import Prepared, prepare
+from raymarch.gpu.prepare import Prepared, assembled, passes_for
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.tiles import split
+from raymarch.plan import plan
 from raymarch.scene.parameter import ParamValue
 from raymarch.scene.scene import Scene
 
@@ -237,8 +238,8 @@ class Contents:
             size = item.size if item.part is None else item.part.whole
             key = size, item.part is None
             if key not in self._ready:
-                whole = prepare(self.scene, shot.outputs, size)
-                self._ready[key] = whole if item.part is None else prepared_part(whole)
+                make = assembled if item.part is None else prepared_part
+                self._ready[key] = make(plan(self.scene, passes_for(shot.outputs), size))
             ready = self._ready[key]
         return content_of(
             ready, self.scene, item.size, item.time, params or shot.params, shot.outputs, shot.label, item.part

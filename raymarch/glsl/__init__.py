@@ -1,27 +1,44 @@
-"""Hand-written GLSL, one concern a file. What a module defines and uses is read from its code."""
+"""Hand-written GLSL, one concern a file, and the words of GLSL: what a text defines and uses, and its numbers."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
 from importlib.resources import files
+from itertools import pairwise
 from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class Declared:
+    """What a text defines outside of functions.
+
+    kind : "function", "struct", "uniform", "const", "in", "out" or "variable". type : of its value, "vec3[9]" for an
+        array; "" for a struct.
+    """
+
+    name: str
+    kind: str
+    type: str = ""
 
 
 @dataclass(frozen=True)
 class Module:
     """One file: its name ("march/plain"), the names that it needs and gives, its first sentence, its lines.
 
-    numbers : the number of each line in the file, from 1.
+    declares : what it defines, by name. numbers : the number of each line in the file, from 1.
     """
 
     name: str
-    gives: frozenset[str]
+    declares: Mapping[str, Declared]
     summary: str
     lines: tuple[str, ...]
     numbers: tuple[int, ...]
+
+    @property
+    def gives(self) -> frozenset[str]:
+        return frozenset(self.declares)
 
     @cached_property
     def needs(self) -> frozenset[str]:
@@ -30,12 +47,16 @@ class Module:
 
 VARIANTS = frozenset(
     (
-        "ANALYTIC BOUNCES CLIP_PLANES CONES CUTS ESTIMATE LENS LIT ORTHOGRAPHIC OWN_START SAMPLES SHOWS STANDALONE "
-        "UNCOUNTED UNDIVIDED WIDE_CONE"
+        "ANALYTIC BOUNCES CLIP_PLANES CONES CUTS ESTIMATE LENS LIT ORTHOGRAPHIC OWN_START PART SAMPLES SHOWS "
+        "STANDALONE UNCOUNTED UNDIVIDED WIDE_CONE"
     ).split()
 )
 """Names of conditional lines that the plan settles: `#ifdef` and `#ifndef` of these are not in the shader. Without
 CONES, this includes CONE, which is defined in passes that march cones."""
+
+PIXEL, PIXEL_OF_PART = "gl_FragCoord.xy", "(gl_FragCoord.xy + u_corner)"
+"""What stands for `PIXEL` in modules: the place in the whole picture. Texels of the drawn target are at
+`gl_FragCoord.xy`, also in a part of a picture."""
 
 
 @cache
@@ -51,11 +72,11 @@ def load(name: str, variants: frozenset[str] = frozenset()) -> Module:
     numbers, lines = zip(
         *settled(whole, variants, VARIANTS if "CONES" in variants else VARIANTS | {"CONE"}), strict=True
     )
-    text = "\n".join(lines)
-    gives = defined(text)
-    if not lines[0].startswith("// ") or not gives:
+    text = "\n".join(lines).replace("PIXEL", PIXEL_OF_PART if "PART" in variants else PIXEL)
+    declares = {each.name: each for each in declarations(text)}
+    if not text.startswith("// ") or not declares:
         raise ValueError(f"GLSL module '{name}' lacks a comment in its first line, or defines nothing")
-    return Module(name, gives, lines[0][3:].strip(), lines, numbers)
+    return Module(name, declares, lines[0][3:].strip(), tuple(text.split("\n")), numbers)
 
 
 def settled(lines: list[str], variants: Collection[str], names: Collection[str]) -> Iterator[tuple[int, str]]:
@@ -103,16 +124,18 @@ def _names(folder: Any, before: str = "") -> list[str]:
     return found
 
 
-# Names in GLSL
+# Words of GLSL
 
-_TYPE = r"(?:void|bool|int|uint|float|[biu]?vec[234]|mat[234]|sampler[23]D|[A-Z]\w*)"
-_LINE_COMMENT = re.compile(r"//[^\n]*")
-_BLOCK_COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
-_FUNCTION = re.compile(rf"\b{_TYPE}\s+(\w+)\s*\(")
-_STRUCT = re.compile(r"\bstruct\s+(\w+)")
-_VARIABLE = re.compile(rf"(?m)^(?:layout\(.*?\) )?(?:(?:uniform|const|out|in)\s+)?{_TYPE}\s+(\w+) *[;=\[]")
-_NAME = re.compile(r"(?<![\w.])[A-Za-z_]\w*")
-_LOCAL = re.compile(rf"\b{_TYPE}\s+(\w+)")
+_APART = str.maketrans({mark: f" {mark} " for mark in "(){}[];,=<>+-*/%!&|^?:~#"})
+
+_TYPES = frozenset(
+    """
+    void bool int uint float vec2 vec3 vec4 bvec2 bvec3 bvec4 ivec2 ivec3 ivec4 uvec2 uvec3 uvec4 mat2 mat3 mat4
+    sampler2D sampler3D
+    """.split()
+)
+
+_QUALIFIERS = ("uniform", "const", "in", "out")
 
 LANGUAGE = frozenset(
     """
@@ -128,34 +151,70 @@ LANGUAGE = frozenset(
 """Keywords and functions of GLSL, and the preprocessor names of passes."""
 
 
+def words(text: str) -> list[str]:
+    """The words and marks of a text without its comments. A number, or a name with its fields, is one word."""
+    return _code(text).translate(_APART).split()
+
+
+def is_type(word: str) -> bool:
+    """True for a type: names of structs begin with a capital letter."""
+    return word in _TYPES or (word[0].isupper() and word.isidentifier())
+
+
 @lru_cache(1024)
-def defined(text: str) -> frozenset[str]:
+def declarations(text: str) -> tuple[Declared, ...]:
     """Functions, structs, uniforms, outputs, constants and variables that a text defines outside of functions."""
-    top = _outside(_code(text))
-    return frozenset([*_FUNCTION.findall(top), *_STRUCT.findall(top), *_VARIABLE.findall(top)])
+    found, depth, before = [], 0, ["", ""]
+    listed = words(text)
+    for i, (word, after) in enumerate(pairwise([*listed, ""])):
+        qualifier, type = before
+        if depth == 0 and type == "struct":
+            found.append(Declared(word, "struct"))
+        elif depth == 0 and after in ("(", ";", "=", "[") and type and is_type(type) and word.isidentifier():
+            kind = "function" if after == "(" else qualifier if qualifier in _QUALIFIERS else "variable"
+            size = "".join(listed[i + 1 : listed.index("]", i) + 1]) if after == "[" else ""
+            found.append(Declared(word, kind, type + size))
+        depth += (word in "({") - (word in ")}")
+        before = [type, word]
+    return tuple(found)
+
+
+def defined(text: str) -> frozenset[str]:
+    """The names of the declarations of a text."""
+    return frozenset(each.name for each in declarations(text))
 
 
 @lru_cache(1024)
 def used(text: str) -> frozenset[str]:
     """Names that a text uses, but neither has from the language nor defines, at the top or in a function."""
-    code = _code(text)
-    return frozenset(_NAME.findall(code)) - LANGUAGE - frozenset(_LOCAL.findall(code)) - defined(text)
+    listed = [word.partition(".")[0] for word in words(text)]  # without the fields of a name
+    names = {word for word in listed if word.isidentifier()}
+    local = {name for type, name in pairwise(listed) if type and is_type(type)}
+    return frozenset(names - LANGUAGE - local - defined(text))
+
+
+def numbers(text: str) -> list[tuple[int, int]]:
+    """The places in a text of its numbers with a decimal point: start and end of each."""
+    found, at = [], 0
+    for word in text.translate(_APART).split():
+        start = text.index(word, at)
+        end = at = start + len(word)
+        if not word[0].isdigit() or "." not in word:
+            continue
+        if word[-1] == "e":  # the exponent has a sign, which is a word of its own
+            end += 1
+            while text[end : end + 1].isdigit():
+                end += 1
+        whole, _, digits = word.partition(".")
+        fraction, _, exponent = digits.partition("e")
+        if whole.isdigit() and fraction.isdigit() and (exponent.isdigit() or not exponent):
+            found.append((start, end))
+    return found
 
 
 def _code(text: str) -> str:
-    return _BLOCK_COMMENT.sub("", _LINE_COMMENT.sub("", text))
-
-
-def _outside(code: str) -> str:
-    """The code outside of all braces and parentheses, with the braces and parentheses themselves."""
-    found, depth, start = [], 0, 0
-    for match in re.finditer(r"[(){}]", code):
-        if match[0] in "({":
-            if depth == 0:
-                found.append(code[start : match.end()])
-            depth += 1
-        else:
-            depth -= 1
-            start = match.start() if depth == 0 else start
-    found.append(code[start:])
-    return "".join(found)
+    """The text without its comments."""
+    if "/*" in text:
+        first, *others = text.split("/*")
+        text = first + "".join(other.partition("*/")[2] for other in others)
+    return "\n".join(line.partition("//")[0] for line in text.split("\n")) if "//" in text else text

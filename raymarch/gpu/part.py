@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from raymarch.errors import DeviceError, SceneError
-from raymarch.gpu.prepare import Prepared
+from raymarch.gpu.prepare import Prepared, assembled
+from raymarch.plan import Plan
 from raymarch.plan.marching import Level
-from raymarch.shader.part import part_of
 
 Box = tuple[int, int, int, int]
 """x and y of the lower left texel, width, height."""
@@ -37,9 +37,9 @@ class Part:
         return x, self.whole[1] - y - height, width, height
 
 
-def prepared_part(ready: Prepared) -> Prepared:
-    """A prepared scene whose shader draws parts. SceneError for a scene of which a part cannot be drawn alone."""
-    scene, quality = ready.plan.given, ready.plan.given.quality
+def prepared_part(made: Plan) -> Prepared:
+    """A planned scene whose shader draws parts. SceneError for a scene of which a part cannot be drawn alone."""
+    scene, quality = made.given, made.given.quality
     if quality.temporal != "off" or quality.rays != "computed":
         what = f"a part of a picture with temporal={quality.temporal!r}, rays={quality.rays!r}"
         raise SceneError(what, legal="temporal='off' and rays='computed'", where=scene.where)
@@ -49,8 +49,7 @@ def prepared_part(ready: Prepared) -> Prepared:
             legal="a picture drawn whole, up to 16777216 pixels, or post=[]",
             where=scene.post[0].where,
         )
-    shader = part_of(ready.shader)
-    return replace(ready, shader=shader, texts={name: shader.text(name) for name in ready.texts})
+    return assembled(made, part=True)
 
 
 def covering(box: Box, whole: tuple[int, int], levels: tuple[Level, ...]) -> list[Box]:

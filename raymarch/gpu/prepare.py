@@ -64,9 +64,9 @@ def prepare(scene: Scene, outputs: Sequence[Wanted] = ("color",), size: tuple[in
     return assembled(plan(scene, passes_for(outputs), size))
 
 
-def assembled(made: Plan) -> Prepared:
-    """Assemble the shader of a plan."""
-    shader = assemble(made)
+def assembled(made: Plan, part: bool = False) -> Prepared:
+    """Assemble the shader of a plan. part : True to draw parts of a picture."""
+    shader = assemble(made, part=part)
     effects = {chosen.name: assemble_effect(chosen) for chosen in made.passes if chosen.effect is not None}
     texts = {chosen.name: effects.get(chosen.name, shader).text(chosen.name) for chosen in made.passes}
     vertex = RAYS if marching.interpolated(made.scene) else FULL_SCREEN

@@ -359,8 +359,8 @@ class Renderer:
         key = (*_key(scene, outputs), size, *(() if part is None else ("part",)))
         found = self._prepared.get(key)
         if found is None:
-            found = assembled(self._planned(scene, passes_for(outputs), size))
-            found = found if part is None else prepared_part(found)
+            make = assembled if part is None else prepared_part
+            found = make(self._planned(scene, passes_for(outputs), size))
             self._cache(key, found)
         self._last = (scene, asked, found)  # large scenes take long to hash
         return found

@@ -18,7 +18,7 @@ from raymarch.expr.atlas import EDGE, Place, packed
 from raymarch.expr.faults import COLOR
 from raymarch.expr.faults import code as fault_code
 from raymarch.expr.function import Function
-from raymarch.expr.glsl import Line, Text, literal, print_functions
+from raymarch.expr.glsl import TIME, Line, Text, literal, print_functions
 from raymarch.expr.hashing import PCG_GLSL
 from raymarch.expr.node import Expr
 from raymarch.expr.samples import Samples
@@ -88,18 +88,13 @@ class Shader:
 
         version : "330 core", or "300 es" for WebGL 2. declarations : lines that replace those of uniforms, by name.
         """
-        lines = (declarations.get(line.uniform, line.text) if line.uniform else line.text for line in self.body)
+        lines = (declarations.get(line.uniform.name, line.text) if line.uniform else line.text for line in self.body)
         return "\n".join([*self._head(chosen or self.passes[0], version), *lines]) + "\n"
 
     @property
     def uniforms(self) -> dict[str, str]:
         """The GLSL type of each uniform, by name."""
-        found = {}
-        for line in self.body:
-            if line.uniform:
-                _, kind, declared_name = line.text.split(";")[0].split(maxsplit=2)
-                found[line.uniform] = kind + declared_name.removeprefix(line.uniform)
-        return found
+        return {line.uniform.name: line.uniform.type for line in self.body if line.uniform}
 
     def _head(self, chosen: str, version: str) -> list[str]:
         index = self.passes.index(chosen)
@@ -123,15 +118,18 @@ def assemble(
     inputs: Mapping[str, str] = MappingProxyType({}),
     constants: frozenset[str] = frozenset(),
     places: Mapping[str, Place] = MappingProxyType({}),
+    part: bool = False,
 ) -> Shader:
     """The shader of a plan.
 
     inputs : for a standalone plan, GLSL expressions that replace uniforms, by the name of the uniform.
     constants : names of sampled data, tables and `u_lights` that the caller declares as constants, not as textures.
     places : pictures that are parts of an atlas. {} makes atlases if there are more textures than texture units.
+    part : True for a shader that draws parts of a picture, with the coordinates of the whole picture.
     """
     passes = [p for p in plan.passes if p.effect is None]
-    mains = [module(p.module, plan.variants) for p in passes]
+    variants = plan.variants | ({"PART"} if part else set())
+    mains = [module(p.module, variants) for p in passes]
     values = Values()
     shade = shading(plan, values) if any(p.shades for p in passes) else None
     values.variables |= {"ray_kind"} if plan.hidden else set()
@@ -153,7 +151,7 @@ def assemble(
         **(setup.promised() if setup is not None else {}),
     }
     # The names of generated functions must differ from all others, so what is linked is found before they are printed.
-    promised = link(mains, plan.choices, generated, plan.variants)
+    promised = link(mains, plan.choices, generated, variants)
     taken = promised.names.union({"PASS"}, *(chunk.gives for chunk in mains)) - {root.name for root in roots}
     if plan.analytic.used:
         called = frozenset[str]().union(*(chunk.needs for chunk in (*mains, *promised.chunks)))
@@ -165,14 +163,14 @@ def assemble(
     generated |= {name: lambda: declared for name in declared.gives} | {root.name: lambda: fields for root in roots}
     if setup is not None:
         generated |= setup.chunks(parameters, text.uses_time, promised.names)
-    linked = link(mains, plan.choices, generated, plan.variants)
+    linked = link(mains, plan.choices, generated, variants)
     body = [line for chunk in linked.chunks for line in (*chunk.lines, Mapped("", chunk.name))]
     too_many = _samplers(body) + max(_samplers(chunk.lines) for chunk in mains) - TEXTURE_UNITS
     if too_many > 0:
         found = {} if places else packed((d for d in text.samples.values() if isinstance(d, Texels)), too_many)
         if not found:
             raise _too_many_textures(plan, too_many + TEXTURE_UNITS)
-        return assemble(plan, inputs, constants, found)
+        return assemble(plan, inputs, constants, found, part)
     body += _main(mains)
     names, heads = tuple(p.name for p in passes), tuple(p.head for p in passes)
     modules = {p.module: p.reason for p in plan.passes} | dict(linked.reasons)
@@ -214,7 +212,7 @@ def _too_many_textures(plan: Plan, read: int) -> PlanError:
 
 
 def _samplers(lines: Sequence[Mapped]) -> int:
-    return sum(line.text.startswith("uniform sampler") for line in lines)
+    return sum(line.uniform is not None and line.uniform.type.startswith("sampler") for line in lines)
 
 
 # Generated chunks
@@ -235,27 +233,30 @@ def _constants(plan: Plan) -> dict[str, Mapped]:
     quality = plan.scene.quality
     steps = str(quality.max_steps)
     varied = quality.temporal != "off" and any(p.often == "sample" for p in plan.passes)
-    values = {
-        "max_steps": ("int", steps),
-        "shadow_steps": ("int", str(quality.shadow_steps or quality.secondary_steps)),
-        "secondary_steps": ("int", str(quality.secondary_steps)),
-        "march_steps": ("int", "" if plan.marching.cones or plan.marching.resumed else str(quality.camera_steps)),
-        "epsilon_pixels": ("float", literal(plan.epsilon)),
-        "contact_share": ("float", literal(plan.contact_share)),
-        "leap_pixels": ("float", literal(0.8 if plan.epsilon <= 0.1 else LEAP)),
-        "cone_share": ("float", literal(CONE_SHARE)),
-        "step_scale": ("float", literal(quality.step_scale)),
-        "step_variation": ("float", literal(quality.step_variation)),
-        "relaxation": ("float", literal(quality.omega or RELAXATION.get(plan.marching.tracer, 1.0))),
-        "relax_again": ("bool", "true" if plan.marching.tracer == "relaxed_again" else "false"),
-        "picture_samples": ("int", str(quality.samples)),
-        "smoothing": ("float", literal(quality.beta)),
-        "footprint_pixels": ("float", "" if varied else literal(quality.footprint)),
-        "color_fault": ("float", literal(fault_code(COLOR, 0))),
-        "surface_texels": ("int", str(max(p.textures for p in plan.passes))),
-    }
+    by, values = (
+        "Quality(...)",
+        {
+            "max_steps": ("int", steps),
+            "shadow_steps": ("int", str(quality.shadow_steps or quality.secondary_steps)),
+            "secondary_steps": ("int", str(quality.secondary_steps)),
+            "march_steps": ("int", "" if plan.marching.cones or plan.marching.resumed else str(quality.camera_steps)),
+            "epsilon_pixels": ("float", literal(plan.epsilon)),
+            "contact_share": ("float", literal(plan.contact_share)),
+            "leap_pixels": ("float", literal(0.8 if plan.epsilon <= 0.1 else LEAP)),
+            "cone_share": ("float", literal(CONE_SHARE)),
+            "step_scale": ("float", literal(quality.step_scale)),
+            "step_variation": ("float", literal(quality.step_variation)),
+            "relaxation": ("float", literal(quality.omega or RELAXATION.get(plan.marching.tracer, 1.0))),
+            "relax_again": ("bool", "true" if plan.marching.tracer == "relaxed_again" else "false"),
+            "picture_samples": ("int", str(quality.samples)),
+            "smoothing": ("float", literal(quality.beta)),
+            "footprint_pixels": ("float", "" if varied else literal(quality.footprint)),
+            "color_fault": ("float", literal(fault_code(COLOR, 0))),
+            "surface_texels": ("int", str(max(p.textures for p in plan.passes))),
+        },
+    )
     return {
-        name: Mapped(f"const {kind} {name} = {value};" if value else f"uniform {kind} {name};", "Quality(...)")
+        name: Mapped(f"const {kind} {name} = {value};", by) if value else Mapped.declare(kind, name, by)
         for name, (kind, value) in values.items()
     }
 
@@ -326,11 +327,10 @@ def _fields(
     if text.helpers.pop(("pcg", ""), None):  # a chunk of its own, because modules may need it too
         text.needs.add("pcg")
     parameters = {leaf.data.name: name for name, leaf in text.uniforms.items()}
-    lines = [Mapped(f"uniform {leaf.type} {name};", "a Param", leaf.data.where) for name, leaf in text.uniforms.items()]
-    if text.uses_time:
-        lines.append(Mapped("uniform float u_time;", "time"))
-    for name, data in text.samples.items():
-        lines.append(Mapped(f"uniform sampler{data.dimension}D {name};", "sampled data"))
+    uniforms = text.uniforms.items()
+    lines = [Mapped.declare(leaf.type.name, name, "a Param", leaf.data.where) for name, leaf in uniforms]
+    lines += [Mapped.declare("float", TIME, "time")] * text.uses_time
+    lines += [Mapped.declare(f"sampler{of.dimension}D", name, "sampled data") for name, of in text.samples.items()]
     if lines:
         lines.append(Mapped("", "parameters"))
     lines += _mapped(text, _Places(plan))

@@ -12,22 +12,27 @@ from raymarch.errors import Location
 from raymarch.expr.function import Function
 from raymarch.expr.glsl import constant
 from raymarch.expr.node import Expr
+from raymarch.glsl import Declared
 
 
 @dataclass(frozen=True, slots=True)
 class Mapped:
-    """A line of the shader: its text, a description of its origin, and the user's line if there is one."""
+    """A line of the shader: its text, a description of its origin, and the user's line if there is one.
+
+    uniform : the uniform that it declares, if it declares one.
+    """
 
     text: str
     made_by: str
     where: Location | None = None
+    uniform: Declared | None = None
 
-    @property
-    def uniform(self) -> str:
-        """The name of the uniform that the line declares; "" for any other line."""
-        if not self.text.startswith("uniform "):
-            return ""
-        return self.text.split(";")[0].split()[2].partition("[")[0]
+    @classmethod
+    def declare(cls, type: str, name: str, made_by: str, where: Location | None = None, note: str = "") -> Mapped:
+        """The declaration of a uniform. type : "vec3[9]" for an array. note : a comment after it."""
+        of, bracket, size = type.partition("[")
+        text = f"uniform {of} {name}{bracket}{size};" + (f"  // {note}" if note else "")
+        return cls(text, made_by, where, Declared(name, "uniform", type))
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ def sky_functions(plan: Plan) -> list[Function]:
 
 def sky_light() -> Chunk:
     """The coefficients of the sky's mean; see `raymarch.scene.sky.HARMONICS`."""
-    return Chunk.of("sky light", [Mapped("uniform vec3 u_sky_light[9];", "the sky's light")])
+    return Chunk.of("sky light", [Mapped.declare("vec3[9]", "u_sky_light", "the sky's light")])
 
 
 def _fog(scene: Scene) -> Function:

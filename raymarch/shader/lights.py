@@ -375,7 +375,7 @@ def _texel(plan: Plan, k: int) -> str:
 def light_rows(plan: Plan, constant: bool = False) -> Chunk:
     """The texture with the values of all lights. constant : an array is declared in its place."""
     by = "the scene's lights"
-    lines = [Mapped("uniform sampler2D u_lights;  // one row per light", by)]
+    lines = [Mapped.declare("sampler2D", "u_lights", by, note="one row per light")]
     if plan.standalone:
         read = f"u_lights[light * {lights.table(plan.scene).texels} + texel]"
         read = read if constant else "texelFetch(u_lights, ivec2(texel, light), 0)"

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from raymarch import glsl
+from raymarch.glsl import Declared
 from raymarch.shader.chunk import Chunk, Mapped
 
 
@@ -27,11 +28,17 @@ def module(name: str, variants: frozenset[str] = frozenset()) -> Chunk:
     found = glsl.load(name, variants)
     read, chunk = _chunks.get((name, variants), (None, None))
     if read is not found or chunk is None:
-        numbered = zip(found.lines, found.numbers, strict=True)
-        lines = tuple(Mapped(text, f"line {i} of raymarch/glsl/{name}.glsl") for text, i in numbered)
+        lines = tuple(
+            Mapped(text, f"line {i} of raymarch/glsl/{name}.glsl", uniform=_uniform(text))
+            for text, i in zip(found.lines, found.numbers, strict=True)
+        )
         chunk = Chunk(name, found.needs, found.gives, lines)
         _chunks[name, variants] = found, chunk
     return chunk
+
+
+def _uniform(line: str) -> Declared | None:
+    return glsl.declarations(line)[0] if line.startswith("uniform ") else None
 
 
 _chunks: dict[tuple[str, frozenset[str]], tuple[glsl.Module, Chunk]] = {}

@@ -11,7 +11,7 @@ from raymarch.plan.shading import ambient, ambient_sky, occluded, patterned
 from raymarch.scene.ambient_occlusion import NORMAL, POINT
 from raymarch.shader.bounces import path_tracing, tree
 from raymarch.shader.bsdf import Reflection
-from raymarch.shader.chunk import Chunk, Lines, Values
+from raymarch.shader.chunk import Chunk, Lines, Mapped, Values
 from raymarch.shader.fog import begin_shade, end_shade, sky_functions
 from raymarch.shader.kinds import as_shadow
 from raymarch.shader.lights import all_lights
@@ -101,7 +101,8 @@ def _keep_surface(text: Lines, plan: Plan) -> list[str]:
     places = lights.layout([type for _, type in kept])
     count = 1 + max(k for k, _ in places)
     stored = [(name, type, k, parts) for (name, type), (k, parts) in zip(kept, places, strict=True)]
-    text.add(*(f"uniform sampler2D u_surface_{k};" for k in range(count)), "")
+    text.lines += [Mapped.declare("sampler2D", f"u_surface_{k}", text.made_by) for k in range(count)]
+    text.add("")
     text.add(f"void keep_surface(Ray ray, Hit hit, out vec4 kept[{count}]) {{")
     text.add(f"    kept[0] = vec4(0.0, 0.0, 0.0, {MISS});", *(f"    kept[{k}] = vec4(0.0);" for k in range(1, count)))
     text.add("    if (!hit.found) return;")

@@ -7,11 +7,11 @@ differ in numbers only, the numbers that differ become uniforms; all others stay
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from raymarch import glsl
 from raymarch.gpu.prepare import Prepared
 
 MOST = 64
@@ -19,8 +19,6 @@ MOST = 64
 
 CLICKED = ("depth",)
 """The outputs that a click renders, with a shader of their own."""
-
-_NUMBER = re.compile(r"(?<![\w.])\d+\.\d+(?:e[-+]?\d+)?(?![\w.])")
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,9 +90,12 @@ class Constants:
         }
 
 
-def parsed(glsl: str) -> Text:
+def parsed(text: str) -> Text:
     """Split a shader at its numbers; none is a uniform yet."""
-    return Text(tuple(_NUMBER.split(glsl)), tuple(_NUMBER.findall(glsl)))
+    places = glsl.numbers(text)
+    starts, ends = [start for start, _ in places], [end for _, end in places]
+    between = [text[i:j] for i, j in zip([0, *ends], [*starts, len(text)], strict=True)]
+    return Text(tuple(between), tuple(text[i:j] for i, j in places))
 
 
 def _fixed(between: tuple[str, ...]) -> set[int]:
@@ -103,9 +104,10 @@ def _fixed(between: tuple[str, ...]) -> set[int]:
     depth, statement, line = 0, "", ""
     for i, part in enumerate(between[:-1]):
         depth += part.count("{") - part.count("}")
-        statement = re.split(r"[;{}]", statement + part)[-1]
+        statement += part
+        statement = statement[1 + max(statement.rfind(mark) for mark in ";{}") :]
         line = (line + part).rpartition("\n")[2]
-        if depth < 1 or re.match(r"\s*(//[^\n]*\n\s*)*const\b", statement) or line.lstrip().startswith("#"):
+        if depth < 1 or glsl.words(statement)[:1] == ["const"] or line.lstrip().startswith("#"):
             fixed.add(i)
     return fixed
 

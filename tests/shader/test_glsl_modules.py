@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -38,6 +40,40 @@ float inside(Ball ball, vec3 p) {
 def test_names_are_read_from_the_code() -> None:
     assert glsl.defined(TEXT) == {"Ball", "u_time", "out_color", "LARGE", "last", "inside"}
     assert glsl.used(TEXT) == {"turns", "helper"}
+
+
+def test_declarations_have_kinds_and_types() -> None:
+    found = {each.name: (each.kind, each.type) for each in glsl.declarations(TEXT + "uniform vec3 many[9];")}
+    assert found == {
+        "Ball": ("struct", ""),
+        "u_time": ("uniform", "float"),
+        "out_color": ("out", "vec4"),
+        "LARGE": ("const", "float"),
+        "last": ("variable", "Ball"),
+        "inside": ("function", "float"),
+        "many": ("uniform", "vec3[9]"),
+    }
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_numbers_are_those_with_a_point(name: str) -> None:
+    text = "\n".join(glsl.load(name).lines) + " a1.0 1.0f x.5 2.5e7 -3.25e-7*1.0e+3;v4.0 1. 7 .5 1.5.xx (4.125)"
+    expected = [found.span() for found in re.finditer(r"(?<![\w.])\d+\.\d+(?:e[-+]?\d+)?(?![\w.])", text)]
+    assert glsl.numbers(text) == expected and len(expected) >= 4
+
+
+def test_no_regular_expression_reads_or_edits_generated_text() -> None:
+    """Whatever a consumer of a shader asks, it asks the lines, the declarations or the words."""
+    root = FOLDER.parent
+    files = [*(root / "glsl").glob("*.py"), *(root / "shader").rglob("*.py"), *(root / "export").rglob("*.py")]
+    files += [root / "window" / "constants.py", *(root / "gpu" / f"{name}.py" for name in ("part", "prepare", "views"))]
+    reading = [file for file in files for node in ast.walk(ast.parse(file.read_text())) if _imports(node, "re")]
+    assert len(files) > 20 and reading == []
+
+
+def _imports(node: ast.AST, name: str) -> bool:
+    listed = isinstance(node, ast.Import) and any(each.name == name for each in node.names)
+    return listed or (isinstance(node, ast.ImportFrom) and node.module == name)
 
 
 @pytest.mark.parametrize("name", MODULES)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import json
 import math
-import re
 import zlib
 from collections.abc import Iterator, Mapping
 from html import escape
@@ -54,8 +53,9 @@ def text_of(scene: Scene, values: Values) -> Text:
     file = Path(scene.where.file) if scene.where else None
     name = file.stem if file and file.exists() else "raymarch"  # a notebook's cell is no file
     text = json.dumps(data, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
-    words = {"TITLE": escape(name), "DATA": text.replace("<", "\\u003c")}  # no markup can end the script early
-    return Text(re.sub("TITLE|DATA", lambda found: words[found[0]], _file("page.html")))
+    page, _, end = _file("page.html").partition("DATA")
+    data_text = text.replace("<", "\\u003c")  # no markup can end the script early
+    return Text(page.replace("TITLE", escape(name)) + data_text + end)
 
 
 def _file(name: str) -> str:

@@ -9,15 +9,23 @@ uniform vec2 u_footprint;  // half the size of the region of a cell that its ray
 // False if the ray hits nothing.
 bool carry_on(inout March at, inout vec2 spent) {
     if (u_carried_cell.x == 0.0) return true;
-    vec2 middle = gl_FragCoord.xy * u_cell;
+    vec2 middle = PIXEL * u_cell;
+#ifdef PART
+    ivec2 last = ivec2(u_carried_size) - 1;
+#else
     ivec2 last = textureSize(u_carried, 0) - 1;
+#endif
     // a thousandth of a pixel inwards, so that rounding does not add neighbours of a cell that fits exactly
     ivec2 low = ivec2((middle - u_footprint + 0.001) / u_carried_cell);
     ivec2 high = clamp(ivec2((middle + u_footprint - 0.001) / u_carried_cell), low, last);
     float free = 1.0e30;
     for (int y = low.y; y <= high.y; y++) {
         for (int x = low.x; x <= high.x; x++) {
+#ifdef PART
+            vec4 cone = texelFetch(u_carried, ivec2(x, y) - ivec2(u_carried_corner), 0);
+#else
             vec4 cone = texelFetch(u_carried, ivec2(x, y), 0);
+#endif
             if (cone.x >= 0.0 && cone.x < free) {
                 free = cone.x;
                 at.derivative = cone.y;

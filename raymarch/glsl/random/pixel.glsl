@@ -4,6 +4,6 @@ uniform int u_sample;  // samples of the pixel before this one
 
 // In [0, 1).
 float random_of_pixel(int dimension) {
-    uvec2 pixel = uvec2(gl_FragCoord.xy);
+    uvec2 pixel = uvec2(PIXEL);
     return float(pcg(pixel.x + pcg(pixel.y + pcg(uint(u_sample) + pcg(uint(dimension))))) >> 8) * 5.9604645e-8;
 }

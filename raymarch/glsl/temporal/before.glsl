@@ -31,11 +31,11 @@ bool on_surface(inout vec3 p, vec3 direction, float pixel) {
 void main() {
     ivec2 at = ivec2(gl_FragCoord.xy);
 #ifdef ORTHOGRAPHIC
-    vec2 screen = (2.0 * (gl_FragCoord.xy + u_jitter) - u_resolution) / u_resolution.y * u_now_half_height;
+    vec2 screen = (2.0 * (PIXEL + u_jitter) - u_resolution) / u_resolution.y * u_now_half_height;
     vec3 start = u_now_position + u_now_frame * vec3(screen, 0.0);
     vec3 direction = -u_now_frame[2];
 #else
-    vec2 screen = (2.0 * (gl_FragCoord.xy + u_jitter) - u_resolution) / u_resolution.y * u_now_tan_half_fov;
+    vec2 screen = (2.0 * (PIXEL + u_jitter) - u_resolution) / u_resolution.y * u_now_tan_half_fov;
     vec3 start = u_now_position;
     vec3 direction = normalize(u_now_frame * vec3(screen, -1.0));
 #endif

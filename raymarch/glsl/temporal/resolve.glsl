@@ -37,7 +37,7 @@ void main() {
     if (u_keep && u_still) {
         before = texelFetch(u_history, at, 0);
     } else if (u_keep) {
-        Ray ray = camera_ray(gl_FragCoord.xy + u_jitter);
+        Ray ray = camera_ray(PIXEL + u_jitter);
         ivec2 nearest = nearest_around(at);
         vec3 motion = motion_vector(nearest);
         float kept = samples_kept(at, MEMORY);

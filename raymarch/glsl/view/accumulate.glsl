@@ -7,7 +7,7 @@ uniform bool u_keep;  // false on the first sample: the history shows another sc
 uniform vec2 u_jitter;  // offset from the pixel's centre, in pixels
 
 void main() {
-    Ray ray = camera_ray(gl_FragCoord.xy + u_jitter);
+    Ray ray = camera_ray(PIXEL + u_jitter);
 #ifdef LIT
     Hit hit = kept_hit();
 #else

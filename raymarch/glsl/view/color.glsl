@@ -2,7 +2,7 @@
 layout(location = 0) out vec4 out_color;
 
 void main() {
-    Ray ray = camera_ray(gl_FragCoord.xy);
+    Ray ray = camera_ray(PIXEL);
     Hit hit = trace(ray);
     out_color = vec4(shade(ray, hit), hit.done ? 1.0 : 0.0);
 }

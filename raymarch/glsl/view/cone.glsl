@@ -2,7 +2,7 @@
 layout(location = 0) out vec4 out_state;
 
 void main() {
-    Ray ray = camera_ray(gl_FragCoord.xy * u_cell);
+    Ray ray = camera_ray(PIXEL * u_cell);
     vec2 range = range_of(ray);
     March at = start_march(ray, range.x);
 #ifndef OWN_START

@@ -3,7 +3,7 @@ layout(location = 0) out vec4 out_cycles;  // cycles, and the colour, so that it
 
 void main() {
     uvec2 before = clock2x32ARB();
-    Ray ray = camera_ray(gl_FragCoord.xy);
+    Ray ray = camera_ray(PIXEL);
     Hit hit = trace(ray);
     vec3 color = shade(ray, hit);
     uvec2 after = before;

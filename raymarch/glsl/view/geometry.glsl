@@ -4,7 +4,7 @@ layout(location = 1) out vec4 out_surface;  // normal, index of the material
 layout(location = 2) out vec4 out_more;  // fallbacks, 1 if the march did not run out of steps, its last distance
 
 void main() {
-    Ray ray = camera_ray(gl_FragCoord.xy);
+    Ray ray = camera_ray(PIXEL);
     Hit hit = trace(ray);
     out_march = vec4(hit.found ? hit.t : -1.0, hit.residual, hit.iterations, hit.evaluations);
     out_surface = vec4(0.0, 0.0, 0.0, -1.0);

@@ -6,6 +6,6 @@ uniform int u_first_sample;
 uniform int u_end_sample;
 
 void main() {
-    Ray ray = camera_ray(gl_FragCoord.xy + u_jitter);
+    Ray ray = camera_ray(PIXEL + u_jitter);
     out_lit = add_light(ray, lit(), u_first_sample, u_end_sample);
 }

@@ -5,7 +5,7 @@ layout(location = 2) out vec4 out_color;
 
 void main() {
     watch();
-    Ray ray = camera_ray(gl_FragCoord.xy);
+    Ray ray = camera_ray(PIXEL);
     Hit hit = trace(ray);
     out_color = vec4(shade(ray, hit), 1.0);
     out_slopes = steepest();

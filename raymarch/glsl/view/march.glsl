@@ -9,7 +9,7 @@ uniform bool u_end;  // the last pass: unfinished rays stop
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    Ray ray = camera_ray(gl_FragCoord.xy);
+    Ray ray = camera_ray(PIXEL);
     March at;
     Hit hit;
     float far;

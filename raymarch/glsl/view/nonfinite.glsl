@@ -5,7 +5,7 @@ layout(location = 1) out vec4 out_place;  // point, and the final distance along
 layout(location = 2) out vec4 out_color;
 
 void main() {
-    Ray ray = camera_ray(gl_FragCoord.xy);
+    Ray ray = camera_ray(PIXEL);
     Hit hit = trace(ray);
     vec3 p = ray.origin + hit.t * ray.direction;
     if (hit.found) note(surface_faults(p), p);

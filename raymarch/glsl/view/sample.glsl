@@ -12,7 +12,7 @@ vec2 encode_octahedral(vec3 n) {
 }
 
 void main() {
-    Ray ray = camera_ray(gl_FragCoord.xy + u_jitter);
+    Ray ray = camera_ray(PIXEL + u_jitter);
     Hit hit = trace(ray);
     out_color = vec4(shade(ray, hit), 1.0);
     out_surface = vec4(-1.0, 0.0, 0.0, -1.0);

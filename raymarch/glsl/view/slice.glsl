@@ -4,7 +4,7 @@ layout(location = 0) out vec4 out_slice;  // field, length of its gradient, dist
 uniform vec4 u_slice;  // unit normal of the plane, and its offset along the normal
 
 void main() {
-    Ray ray = camera_ray(gl_FragCoord.xy);
+    Ray ray = camera_ray(PIXEL);
     float across = dot(u_slice.xyz, ray.direction);
     float beyond = u_slice.w - dot(u_slice.xyz, ray.origin);
     // parallel to the plane: inside it, or it misses

@@ -2,5 +2,5 @@
 layout(location = 0) out vec4 out_color;  // sRGB
 
 void main() {
-    out_color = vec4(picture(gl_FragCoord.xy), 1.0);
+    out_color = vec4(picture(PIXEL), 1.0);
 }
