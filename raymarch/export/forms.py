@@ -151,7 +151,8 @@ def triangulate(
 ) -> Surface:
     """The surface of a solid as a closed triangle mesh, with its volume, area, centroid and bounds.
 
-    scene : a Scene or a node. The other parameters, errors and the mesh are those of `export`; it needs no package.
+    scene : a Scene or a node. time, params, cells, tolerance, box, progress : see `export`, whose errors it raises. It
+        needs no package.
 
     Returns a Surface: `vertices` (N, 3) float64, `faces` (M, 3), `normals`, `colors`; `volume`, `area`, `centroid`,
     `bounds`; and `deviation`, how far triangles were found to be from the surface. All are in scene units, and those of

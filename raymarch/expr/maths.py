@@ -100,18 +100,24 @@ def _of_arrays(function: Callable[P, Expr], called: str, legal: str, vectors: bo
 _PLAIN = "The function {} of GLSL, of each component."
 _PLAIN_VECTORS = "The function {} of vectors."
 
-_NUMBERS = """Arguments: expressions, numbers, or arrays of any shape, which are broadcast.
+_NUMBERS = """{} : expressions, numbers, or arrays of any shape, which are broadcast.
+
 Returns an expression if an argument is one, else a float or a float64 array. SceneError for other arguments."""
 
-_VECTORS = """Arguments: expressions, sequences of 2 to 4 numbers, or arrays (..., 2 to 4) of them, which are broadcast.
+_VECTORS = """{} : expressions, sequences of 2 to 4 numbers, or arrays (..., 2 to 4) of them, which are broadcast.
+
 Returns an expression if an argument is one, else a float or a float64 array. SceneError for other arguments."""
+
+
+def _names(function: Callable[..., Any]) -> str:
+    return ", ".join(inspect.signature(function).parameters)
 
 
 def _componentwise(function: Callable[P, Expr]) -> Callable[P, Any]:
     """A function of numbers."""
     name = function.__name__
     call = _of_arrays(function, name, "numbers, arrays of them, or expressions", False)
-    call.__doc__ = f"{function.__doc__ or _PLAIN.format(name)}\n\n{_NUMBERS}"
+    call.__doc__ = f"{function.__doc__ or _PLAIN.format(name)}\n\n{_NUMBERS.format(_names(function))}"
     return call
 
 
@@ -119,7 +125,7 @@ def of_vectors(function: Callable[P, Expr], called: str = "") -> Callable[P, Any
     """A function of vectors of 2 to 4 numbers, for expressions and for arrays. called : its name in messages."""
     name = called or function.__name__
     call = _of_arrays(function, name, "vectors of 2 to 4 numbers, arrays of them, or expressions", True)
-    call.__doc__ = f"{function.__doc__ or _PLAIN_VECTORS.format(name)}\n\n{_VECTORS}"
+    call.__doc__ = f"{function.__doc__ or _PLAIN_VECTORS.format(name)}\n\n{_VECTORS.format(_names(function))}"
     return call
 
 

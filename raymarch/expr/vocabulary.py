@@ -176,17 +176,32 @@ def cross(a: Vec, b: Vec) -> Expr:
 
 
 def vec2(*parts: Operand) -> Expr:
-    """A vector of 2 components from numbers and vectors, as in GLSL. One number gives all components."""
+    """A vector of 2 components, as in GLSL.
+
+    parts : numbers, vectors or expressions with 2 components together, or one number for all.
+
+    Returns an expression. SceneError for another number of components.
+    """
     return _of_size(2, parts)
 
 
 def vec3(*parts: Operand) -> Expr:
-    """A vector of 3 components from numbers and vectors, as in GLSL. One number gives all components."""
+    """A vector of 3 components, as in GLSL.
+
+    parts : numbers, vectors or expressions with 3 components together, or one number for all.
+
+    Returns an expression. SceneError for another number of components.
+    """
     return _of_size(3, parts)
 
 
 def vec4(*parts: Operand) -> Expr:
-    """A vector of 4 components from numbers and vectors, as in GLSL. One number gives all components."""
+    """A vector of 4 components, as in GLSL.
+
+    parts : numbers, vectors or expressions with 4 components together, or one number for all.
+
+    Returns an expression. SceneError for another number of components.
+    """
     return _of_size(4, parts)
 
 

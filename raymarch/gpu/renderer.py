@@ -575,6 +575,14 @@ def render(
     place of that of the quality; 16 smooth the edges. For many frames use one `Renderer`, which compiles once;
     parameters and errors are those of `Renderer` and `Renderer.render`. Each of `Frame.doubts` is emitted as a
     RenderWarning. With `strict` doubts raise RenderError, and too many rays that run out of steps are a doubt, too.
+
+    scene : a Scene, or a solid, which is put into a default one. size : (width, height) in pixels.
+    time : value of `rm.time` in seconds. params : values of parameters by name. backend : see `Renderer`.
+
+    Returns a PIL image of mode RGB, or RGBA with `alpha`.
+
+    >>> rm.render(rm.sphere(1), size=(64, 36)).size
+    (64, 36)
     """
     scene = as_scene("render", scene)
     if quality is not None:

@@ -150,6 +150,9 @@ class Camera(Part):
     -----
     Each value may be an expression of parameters and time. The camera then moves without a recompile.
     Raises SceneError for a degenerate camera: position equal to target, up parallel to the view, fov out of range.
+
+    >>> rm.Camera(position=(3, 2, 4), target=(0, 0, 0), fov=35).replace(fov=50)
+    Camera(position=(3.0, 2.0, 4.0), target=(0.0, 0.0, 0.0), fov=50.0)
     """
 
     BELONGS: ClassVar[str] = "Scene(camera=...)"

@@ -125,6 +125,9 @@ class Material(Value):
     are those of glTF's KHR_materials_clearcoat, with energy-conserving layers; see `raymarch/scene/bsdf.py`.
 
     Raises SceneError for a value outside its range, and for values of both models in one material.
+
+    >>> rm.Material(albedo="gold", metalness=1, roughness=0.2).replace(roughness=0.5)
+    Material(albedo=(1.0, 0.679542, 0.0), metalness=1.0, roughness=0.5)
     """
 
     BELONGS: ClassVar[str] = "node.material(...)"

@@ -111,6 +111,9 @@ def Param(
     Notes
     -----
     Two parameters of one name must be equal. Raises SceneError for a value outside its range or an illegal name.
+
+    >>> rm.sphere(rm.Param("radius", 1, 0.5, 2)).bounds[1]
+    array([2., 2., 2.])
     """
     spec = _legal_spec(name, value, min, max, user_location())
     made = make("param", spec.type, (), spec)

@@ -89,6 +89,10 @@ class Scene(Value):
     Notes
     -----
     Raises SceneError for an argument of another type or outside its range.
+
+    >>> scene = rm.Scene(rm.sphere() | rm.plane(offset=-1), lights=[rm.Sun(shadow=True)])
+    >>> scene.replace(lights=[]).lights
+    ()
     """
 
     BELONGS: ClassVar[str] = "rm.render(...)"

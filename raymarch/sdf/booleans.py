@@ -252,13 +252,26 @@ def union(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 
     steps : number of stairs or columns, >= 1.
 
     Exact outside if the operands are exact. A "bound" as a whole, because inside overlapping solids it is not exact.
+
+    Returns a node. SceneError for no nodes, solids beside flat shapes, or a value out of its range.
+
+    >>> rm.union(rm.sphere(1), rm.box(1).translate((2, 0, 0))).bounds[1]
+    array([2.5, 1. , 1. ])
     """
     return _choose("union", nodes, k, blend, steps, hard_union, smooth_union)
 
 
 @method
 def intersection(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
-    """Intersection: `a & b`, or with rounded new edges for k > 0. See `union` for k and blend."""
+    """Intersection: `a & b`, or with rounded new edges for k > 0.
+
+    k, blend, steps : see `union`.
+
+    Returns a node. A bound. SceneError as for `union`.
+
+    >>> rm.intersection(rm.sphere(1), rm.box(1)).bounds[1]
+    array([0.5, 0.5, 0.5])
+    """
     return _choose("intersection", nodes, k, blend, steps, hard_intersection, smooth_intersection)
 
 
@@ -266,7 +279,13 @@ def intersection(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps:
 def difference(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
     """Difference: `a - b`, the first solid without the others, or with rounded new edges for k > 0.
 
-    A cut surface has the material of the subtracted solid if it has one, else that of the first solid. See `union` for
-    k and blend.
+    k, blend, steps : see `union`.
+
+    A cut surface has the material of the subtracted solid if it has one, else that of the first solid.
+
+    Returns a node. A bound. SceneError as for `union`.
+
+    >>> rm.difference(rm.box(2), rm.sphere(1)).distance((0, 0, 0))
+    array(1.)
     """
     return _choose("difference", nodes, k, blend, steps, hard_difference, smooth_difference)

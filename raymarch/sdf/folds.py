@@ -43,7 +43,10 @@ def plane_fold(z: Operand, normal: Operand) -> Expr:
 
 @checked
 def box_fold(z: Operand, limit: Operand = 1.0) -> Expr:
-    """Reflect points beyond a face of the cube from -limit to limit in that face. Keeps distances."""
+    """Reflect points beyond a face of the cube from -limit to limit in that face. Keeps distances.
+
+    z : the point, a vec3. limit : half the edge of the cube, a length > 0. Returns the new point.
+    """
     at, end = as_operand("box_fold: z", z, "a vec3"), as_operand("box_fold: limit", limit, "a number > 0")
     return 2.0 * clamp(at, -end, end) - at
 

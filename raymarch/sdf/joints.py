@@ -86,38 +86,71 @@ def complement(p: Expr, child: Child) -> Expr:
 
 @checked
 def pipe(a: Node, b: Node, radius: Scalar = 0.1) -> Node:
-    """A tube of a radius > 0 along the line where the surfaces of two solids meet. A bound."""
+    """A tube along the line where the surfaces of two solids meet. A bound.
+
+    a, b : two solids. radius : of the tube, a length > 0.
+
+    Returns a node. SceneError for a flat shape, or a radius that is not positive.
+    """
     return pipe_along([a, b], radius)
 
 
 @checked
 def engrave(a: Node, b: Node, depth: Scalar = 0.1) -> Node:
-    """The first solid with a V-shaped line of a depth > 0 where the second's surface meets it. A bound."""
+    """The first solid with a V-shaped line where the second's surface meets it. A bound.
+
+    a, b : two solids. depth : of the line, a length > 0.
+
+    Returns a node. SceneError for a flat shape, or a depth that is not positive.
+    """
     return engraved([a, b], depth)
 
 
 @checked
 def groove(a: Node, b: Node, depth: Scalar = 0.1, width: Scalar = 0.1) -> Node:
-    """The first solid with a channel of a depth and full width > 0 along the second's surface. A bound."""
+    """The first solid with a channel along the second's surface. A bound.
+
+    a, b : two solids. depth, width : of the channel, lengths > 0; the width is the full one.
+
+    Returns a node. SceneError for a flat shape, or a length that is not positive.
+    """
     return grooved([a, b], depth, width)
 
 
 @checked
 def tongue(a: Node, b: Node, height: Scalar = 0.1, width: Scalar = 0.1) -> Node:
-    """The first solid with a rib of a height and full width > 0 along the second's surface. A bound."""
+    """The first solid with a rib along the second's surface. A bound.
+
+    a, b : two solids. height, width : of the rib, lengths > 0; the width is the full one.
+
+    Returns a node. SceneError for a flat shape, or a length that is not positive.
+    """
     return tongued([a, b], height, width)
 
 
 @checked
 @called_by_nodes
 def xor(a: Node, b: Node) -> Node:
-    """Exclusive or: the points of one of two solids but not of both. A bound."""
+    """Exclusive or: the points of one of two solids but not of both. A bound.
+
+    a, b : two solids, or two flat shapes.
+
+    Returns a node. SceneError for a solid beside a flat shape.
+
+    >>> rm.xor(rm.sphere(1), rm.sphere(0.5)).distance((0, 0, 0))
+    array(0.5)
+    """
     return exclusive([a, b])
 
 
 @checked
 def morph(a: Node, b: Node, amount: Scalar = 0.5) -> Node:
-    """A solid between two others: the first for amount 0, the second for 1. A bound."""
+    """A solid between two others. A bound.
+
+    a, b : two solids, or two flat shapes. amount : 0 is the first, 1 the second; a number from 0 to 1 or an expression.
+
+    Returns a node. SceneError for a number out of this range.
+    """
     return between([a, b], amount)
 
 

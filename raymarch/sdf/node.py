@@ -209,47 +209,132 @@ class Node:
     # Methods of operators, whose types a decorator derives
 
     def translate(self, offset: Vector) -> Node:
-        """Translate by a vec3."""
+        """Move a solid, or a flat shape in its plane.
+
+        offset : (x, y, z), lengths; (x, y) for a flat shape. Numbers or expressions of `Param` and `time`.
+
+        Returns a node. Exact for an exact solid. SceneError for another number of components.
+
+        >>> rm.sphere(1).translate((3, 0, 0)).distance((0, 0, 0))
+        array(2.)
+        """
         return self._call("translate", offset)
 
     def round(self, radius: Scalar) -> Node:
-        """Grow by a radius, with rounded edges."""
+        """Grow by a radius, with rounded edges: the sum of the solid and a ball.
+
+        radius : a length >= 0. `box(1).round(0.1)` is 1.2 wide; `rounded_box` keeps the size.
+
+        Returns a node. Exact outside for an exact solid. SceneError for a negative radius.
+
+        >>> rm.box(1).round(0.1).bounds[1]
+        array([0.6, 0.6, 0.6])
+        """
         return self._call("round", radius)
 
     def shell(self, thickness: Scalar) -> Node:
-        """A shell of this thickness, half of it on either side of the surface."""
+        """A hollow solid, with half of the wall on either side of the surface.
+
+        thickness : of the wall, a length > 0.
+
+        Returns a node. Exact for an exact solid. SceneError for a thickness that is not positive.
+
+        >>> rm.sphere(1).shell(0.2).distance([(0, 0, 0), (1, 0, 0)])
+        array([ 0.9, -0.1])
+        """
         return self._call("shell", thickness)
 
     def offset(self, distance: Scalar) -> Node:
-        """Move the surface outwards by a distance, or inwards by a negative one."""
+        """Move the surface along its normals.
+
+        distance : a length; positive grows the solid, negative shrinks it.
+
+        Returns a node. Exact outside for an exact solid that grows. SceneError for what is no number.
+
+        >>> rm.sphere(1).offset(-0.25).bounds[1]
+        array([0.75, 0.75, 0.75])
+        """
         return self._call("offset", distance)
 
     def elongate(self, extent: Vector) -> Node:
-        """Elongate along the axes: the section through the origin is extruded, the ends keep their shape."""
+        """Elongate along the axes: the section through the origin is extruded, the ends keep their shape.
+
+        extent : (x, y, z), lengths >= 0 by which the solid grows along each axis; (x, y) for a flat shape.
+
+        Returns a node. SceneError for a negative length.
+
+        >>> rm.sphere(1).elongate((2, 0, 0)).bounds[1]
+        array([2., 1., 1.])
+        """
         return self._call("elongate", extent)
 
     def complement(self) -> Node:
-        """The complement: everything outside this solid."""
+        """The complement: everything outside this solid.
+
+        Returns a node, whose distance is that of the solid with the other sign.
+
+        >>> rm.sphere(1).complement().distance((0, 0, 0))
+        array(1.)
+        """
         return self._call("complement")
 
     def transition(self, other: Node, start: Vector, end: Vector) -> Node:
-        """A transition from this solid, up to `start`, to another one, from `end` on."""
+        """A transition from this solid to another one along a line.
+
+        other : a bounded solid. start, end : distinct points, (x, y, z): this solid ends at the plane through `start`,
+        the other begins at that through `end`.
+
+        Returns a node, a bound. SceneError for unbounded solids, or equal points.
+        """
         return self._call("transition", other, start, end)
 
     def extrude(self, height: Scalar = 1.0) -> Node:
-        """Extrude a flat shape along z to a full height, centred."""
+        """Extrude a flat shape along z, centred.
+
+        height : full extent along z, a length > 0.
+
+        Returns a node. Exact for an exact shape. SceneError for a solid, or a height that is not positive.
+
+        >>> rm.circle(1).extrude(3).bounds[1]
+        array([1. , 1. , 1.5])
+        """
         return self._call("extrude", height)
 
     def revolve(self, offset: Scalar = 0.0) -> Node:
-        """Revolve a flat shape about the y axis, after moving it along +x by an offset."""
+        """Revolve a flat shape about the y axis, after moving it along +x.
+
+        offset : the motion along +x, a length >= 0.
+
+        Returns a node. Exact for an exact shape. SceneError for a solid.
+
+        >>> rm.circle(0.25).revolve(1).distance((1, 0, 0))
+        array(-0.25)
+        """
         return self._call("revolve", offset)
 
     def slice(self, z: Scalar = 0.0) -> Node:
-        """The section of a solid in a plane of constant z, a flat shape."""
+        """The section of a solid in a plane of constant z, a flat shape.
+
+        z : of the plane, a length.
+
+        Returns a flat node, a bound. SceneError for a flat shape.
+
+        >>> rm.sphere(1).slice().distance((0, 0))
+        array(-1.)
+        """
         return self._call("slice", z)
 
     def visible(self, camera: bool = True, shadow: bool = True, reflection: bool = True) -> Node:
-        """Hide this solid from kinds of rays: camera rays, shadow rays, or rays that start at surfaces."""
+        """Hide this solid from kinds of rays.
+
+        camera, shadow : False hides it from camera rays, or from shadow rays.
+        reflection : False hides it from rays that start at surfaces: reflected, refracted and random ones.
+
+        Returns a node with the same field. SceneError for what is no bool.
+
+        >>> rm.sphere(1).visible(shadow=False).name
+        'visible'
+        """
         return self._call("visible", camera, shadow, reflection)
 
 

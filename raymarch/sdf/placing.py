@@ -366,7 +366,15 @@ def labelled(p: Expr, child: Child) -> Expr:
 
 @method
 def material(node: Node, material: Any) -> Node:
-    """Assign a material. Parts that have their own material keep it."""
+    """Assign a material. Parts that have their own material keep it.
+
+    material : a `Material`.
+
+    Returns a node with the same field. SceneError for what is no Material.
+
+    >>> rm.sphere(1).material(rm.Material(color="gold")).distance((2, 0, 0))
+    array(1.)
+    """
     refuse_label("material", material)
     return with_label(node, material)
 
