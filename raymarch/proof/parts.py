@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,14 +18,13 @@ from raymarch.expr.node import Expr
 from raymarch.expr.types import STATE
 from raymarch.expr.walk import find, topological
 from raymarch.proof.enclosure import ENCLOSURES, Span, constant, jumping, stretches
-from raymarch.proof.rounding import Array, Interval, add, mul, up
+from raymarch.proof.rays import Boxes, Rays, Stretch, Whole
+from raymarch.proof.rounding import Array, Interval, up
 from raymarch.scene.parameter import Values
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
 from raymarch.truth.large import numbered_forms
 from raymarch.truth.narrow import Parts
-
-Whole = NDArray[np.int64]
 
 ROWS = 1 << 12
 """Stretches evaluated at once: their arrays then stay in the CPU cache."""
@@ -36,21 +34,6 @@ SIDES = 3
 
 MARGIN = 1e-9
 """Relative margin of a box, over its largest coordinate: above rounding errors, far below a pixel."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Rays:
-    """Rays of direction `directions`, shape (N, 3), from `origins`, (N, 3)."""
-
-    origins: NDArray[np.float64]
-    directions: NDArray[np.float64]
-
-    def points(self, rays: Whole, start: Array, end: Array, centre: Array) -> Span:
-        """The points of stretches from `start` to `end` on some rays."""
-        origin, direction = (v[rays] for v in (self.origins, self.directions))
-        along = direction, direction
-        first, last, at = (add((origin, origin), mul((t[:, None], t[:, None]), along)) for t in (start, end, centre))
-        return Span(np.minimum(first[0], last[0]), np.maximum(first[1], last[1]), at, along)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,35 +55,10 @@ class Form:
         return self.nodes[row if len(self.nodes) > 1 else 0]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Stretch:
-    """Some stretches of rays, (n,) each: the operand, and where they start and end."""
-
-    rays: Whole
-    operands: Whole
-    start: Array
-    end: Array
-
-    def __len__(self) -> int:
-        return len(self.rays)
-
-    def __getitem__(self, rows: Any) -> Stretch:
-        return Stretch(self.rays[rows], self.operands[rows], self.start[rows], self.end[rows])
-
-    @staticmethod
-    def joined(parts: Sequence[Stretch]) -> Stretch:
-        names = ("rays", "operands", "start", "end")
-        return Stretch(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
-
-
 class Operands:
     """The operands of a solid.
 
     whole : True joins them to one, for rays that start inside of the solid: they leave it where they leave all.
-
-    Attributes
-    ----------
-    lower, upper : boxes, (n, 3); infinite where nothing is known.
     """
 
     def __init__(self, root: Node, values: Values, rays: str, whole: bool) -> None:
@@ -136,8 +94,7 @@ class Operands:
         low, high = np.concatenate(lower), np.concatenate(upper)
         known = np.all(low <= high, axis=1)[:, None] & np.isfinite(low) & np.isfinite(high) & (not whole)
         size = np.where(known, np.maximum(np.abs(low), np.abs(high)), 0.0).max(axis=1, initial=0.0)[:, None]
-        self.lower = np.where(known, low - MARGIN * size, -np.inf)
-        self.upper = np.where(known, high + MARGIN * size, np.inf)
+        self.boxes = Boxes(np.where(known, low - MARGIN * size, -np.inf), np.where(known, high + MARGIN * size, np.inf))
 
     def __len__(self) -> int:
         return len(self.form_of)
@@ -245,35 +202,9 @@ class Operands:
             results[0][at] = np.fmax(results[0][at], low)
             results[1][at] = np.fmin(results[1][at], high)
 
-    def near(self, rays: Rays, around: Array) -> Stretch:
-        """The origins of all rays as stretches without length, of the operands whose boxes are within a distance."""
-        beyond = np.maximum(self.lower - rays.origins[:, None], rays.origins[:, None] - self.upper).max(axis=2)
-        rows, operands = np.nonzero(beyond <= around[:, None])
-        zero = np.zeros(len(rows))
-        return Stretch(rows, operands, zero, zero)
-
     def met(self, rays: Rays, start: Array, end: Array) -> Stretch:
         """The parts of all rays, from start to end, in the boxes of the operands."""
-        parts = []
-        step = max(1, (1 << 20) // max(len(self), 1))
-        for first in range(0, len(start), step):
-            some = slice(first, first + step)
-            parts.append(self._met(rays.origins[some], rays.directions[some], start[some], end[some], first))
-        return Stretch.joined(parts)
-
-    def _met(self, origins: Array, directions: Array, start: Array, end: Array, first: int) -> Stretch:
-        enter = np.broadcast_to(start[:, None], (len(start), len(self))).copy()
-        leave = np.broadcast_to(end[:, None], enter.shape).copy()
-        with np.errstate(divide="ignore", invalid="ignore"):
-            for axis in range(3):
-                o, d = origins[:, axis, None], directions[:, axis, None]
-                below, above = self.lower[:, axis] - o, self.upper[:, axis] - o
-                near, far = np.fmin(below / d, above / d), np.fmax(below / d, above / d)
-                beside = (d == 0.0) & ((below > 0.0) | (above < 0.0))
-                np.maximum(enter, np.where(d == 0.0, np.where(beside, np.inf, -np.inf), near * (1 - 1e-12)), out=enter)
-                np.minimum(leave, np.where(d == 0.0, np.inf, far * (1 + 1e-12)), out=leave)
-        rows, operands = np.nonzero(enter <= leave)
-        return Stretch(first + rows, operands, enter[rows, operands], leave[rows, operands])
+        return self.boxes.met(rays, start, end)
 
 
 def _named(node: Expr) -> str:

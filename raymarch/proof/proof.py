@@ -16,8 +16,9 @@ from raymarch.errors import SceneError
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import numbers, short
 from raymarch.gpu.renderer import Renderer
-from raymarch.proof.parts import Operands, Rays
-from raymarch.proof.search import CONTRADICTED, OPEN, PROVED, Verdict, judge
+from raymarch.proof.parts import Operands
+from raymarch.proof.rays import Rays
+from raymarch.proof.search import CONTRADICTED, OPEN, PROVED, Given, Verdict, judge
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.scene import Scene, as_scene
@@ -25,6 +26,9 @@ from raymarch.sdf.node import Node
 
 SHORTEST = 2.0**-16
 """Length of a stretch that is not halved, in tolerances."""
+
+TILE = 1 << 14
+"""Rays that are judged together."""
 
 COLORS = {PROVED: (58, 110, 84), CONTRADICTED: (214, 40, 40), OPEN: (240, 190, 60)}
 
@@ -35,10 +39,13 @@ class Proof:
 
     Attributes
     ----------
-    state : (H, W) uint8. 0 proved: before the reported hit, by more than the tolerance, the ray meets nothing but
-        slivers of the solid less deep than the tolerance, and a point of the solid lies within the tolerance of the
-        hit; or no hit was reported, and the ray meets nothing but such slivers. 1 contradicted: the ray meets more
-        before the hit, or no solid is within the tolerance of it. 2 open: neither was shown.
+    state : (H, W) uint8. 0 proved: more than the tolerance before the reported hit, no point of the ray is deeper in
+        the solid than the tolerance, and the surface is within the tolerance of the hit; or no hit was reported, and no
+        point of the ray is deeper than the tolerance. 1 contradicted: a point of the ray before the hit is in the
+        solid, and was not shown to be less deep; or no surface is within the tolerance of the hit. 2 open: neither was
+        shown.
+    grazing : (H, W) bool. Proved hits whose surface is within the tolerance in space, but not along the ray: there the
+        field of the others changes its sign.
     low, high : (H, W) float64. No surface lies before `low` on the ray, and one before `high`; inf if none is known.
     depth : (H, W) float64, the reported hits.
     within : (H, W) float64, the tolerance as a length.
@@ -48,6 +55,7 @@ class Proof:
     """
 
     state: NDArray[np.uint8]
+    grazing: NDArray[np.bool_]
     low: NDArray[np.float64]
     high: NDArray[np.float64]
     depth: NDArray[np.float64]
@@ -83,6 +91,8 @@ class Proof:
             f"{self.proved:,} of {self.state.size:,} pixels proved at {width}x{height}: nothing deeper than {what} "
             f"lies more than {what} before the hit, and the surface is within {what} of it"
         ]
+        if self.grazing.any():
+            parts += [f"for {int(self.grazing.sum()):,} of them in space, but not along the ray, which grazes it"]
         parts += [f"{self.contradicted:,} contradicted"] if self.contradicted else []
         parts += [f"{self.open:,} open"] if self.open else []
         return "; ".join(parts)
@@ -105,6 +115,7 @@ class Proof:
             "proved": self.proved,
             "contradicted": self.contradicted,
             "open": self.open,
+            "grazing": int(self.grazing.sum()),
             "share": self.share,
             "evaluations": float(self.evaluations.mean()),
             "reasons": dict(self.reasons),
@@ -180,6 +191,7 @@ def prove(
     shape = (height, width)
     return Proof(
         state=verdict.state.reshape(shape),
+        grazing=(verdict.grazing & (verdict.state == PROVED)).reshape(shape),
         low=verdict.low.reshape(shape),
         high=verdict.high.reshape(shape),
         depth=depth,
@@ -235,21 +247,26 @@ def _verdict(
     """The verdicts of the rays that start outside of the solid, and of those that start inside, which seek the exit."""
     outside = Operands(node, values, "camera", whole=False)
     inside = outside.holds(rays, start)
-    result: Verdict | None = None
-    reasons: Counter[str] = Counter()
+    result, reasons, done = Verdict.unknown(start), Counter[str](), 0
     for held in (False, True):
-        rows = np.flatnonzero(inside == held)
-        if not len(rows):
+        chosen = np.flatnonzero(inside == held)
+        if not len(chosen):
             continue
         operands = Operands(node, values, "camera", whole=True) if held else outside
-        part = Rays(rays.origins[rows], rays.directions[rows])
-        own = within[rows]
-        found = judge(operands, part, start[rows], end[rows], hit[rows], own, SHORTEST * own, progress)
-        reasons.update(operands.reasons(part, found.left, found.state == OPEN))
-        if len(rows) == len(hit):
-            return found, dict(reasons.most_common())
-        result = result or Verdict.unknown(len(hit), found.left[:0])
-        for name in ("state", "low", "high", "evaluations"):
-            getattr(result, name)[rows] = getattr(found, name)
-    assert result is not None
+        for first in range(0, len(chosen), TILE):
+            rows = chosen[first : first + TILE]
+            own = within[rows]
+            part = Given(operands, rays[rows], start[rows], end[rows], hit[rows], own, SHORTEST * own)
+            found = judge(part, None if progress is None else _after(progress, done, len(rows), len(hit)))
+            done += len(rows)
+            reasons.update(operands.reasons(part.rays, found.left, found.state == OPEN))
+            for name in ("state", "grazing", "low", "high", "evaluations"):
+                getattr(result, name)[rows] = getattr(found, name)
+            if progress is not None:
+                progress(done / len(hit))
     return result, dict(reasons.most_common())
+
+
+def _after(progress: Callable[[float], None], done: int, count: int, whole: int) -> Callable[[float], None]:
+    """The progress of `count` rays after others."""
+    return lambda share: progress((done + share * count) / whole)

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.proof.parts import Operands, Rays, Stretch, Whole
+from raymarch.proof.parts import Operands
+from raymarch.proof.rays import Rays, Stretch, Whole
 from raymarch.proof.rounding import Array
 
 PROVED, CONTRADICTED, OPEN = 0, 1, 2
@@ -30,7 +31,10 @@ SLIVER = 1.0 / 8.0
 """Length of a stretch that is judged by the points around it, in tolerances."""
 
 AROUND = 96
-"""Directions in which the solid is looked for around a hit that its ray only touches."""
+"""Directions in which a point in the solid, or outside of it, is looked for."""
+
+FIRST = 8
+"""Directions of these that are tried before the others."""
 
 WITHIN = (1.0, 0.5, 0.25, 0.0, -0.5)
 """Where the change of sign is looked for, in tolerances behind the hit."""
@@ -41,73 +45,94 @@ class Verdict:
     """What is known of N rays, (N,) each.
 
     low : no surface lies before it. high : a surface lies before it, inf if none is known.
-    state : PROVED, CONTRADICTED or OPEN. blocked : an open stretch of each ray: an index into `left`, -1 for none.
+    state : PROVED, CONTRADICTED or OPEN. grazing : the surface is near the hit, but not there on the ray.
+    left : stretches that are not free.
     """
 
     state: NDArray[np.uint8]
+    grazing: NDArray[np.bool_]
     low: NDArray[np.float64]
     high: NDArray[np.float64]
     left: Stretch
     evaluations: NDArray[np.int64]
 
     @classmethod
-    def unknown(cls, count: int, left: Stretch) -> Verdict:
-        return cls(
-            np.full(count, OPEN, np.uint8), np.zeros(count), np.full(count, np.inf), left, np.zeros(count, np.int64)
-        )
+    def unknown(cls, low: Array) -> Verdict:
+        n = len(low)
+        state, grazing = np.full(n, OPEN, np.uint8), np.zeros(n, bool)
+        return cls(state, grazing, low.copy(), np.full(n, np.inf), EMPTY, np.zeros(n, np.int64))
+
+    def take(self, rows: Whole, other: Verdict) -> None:
+        """Take over the stretches and the evaluations of another verdict, about some of the rays."""
+        self.evaluations[rows] += other.evaluations
+        left = other.left
+        self.left = Stretch.joined([self.left, Stretch(rows[left.rays], left.operands, left.start, left.end)])
 
 
-def judge(
-    operands: Operands,
-    rays: Rays,
-    start: Array,
-    end: Array,
-    hit: Array,
-    within: Array,
-    shortest: Array,
-    progress: Callable[[float], None] | None = None,
-) -> Verdict:
-    """Judge reported hits.
+_NONE, _NOTHING = np.zeros(0, np.int64), np.zeros(0)
+EMPTY = Stretch(_NONE, _NONE, _NOTHING, _NOTHING)
 
-    start, end : of each ray. hit : distance of the reported hit, inf for none. within : tolerance of each, a length.
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Given:
+    """What is judged: N rays, (N,) each.
+
+    start, end : of each ray. hit : distance of the reported hit, inf for none. within : the tolerance, a length.
     shortest : length of a stretch that is not halved.
     """
-    n = len(start)
+
+    operands: Operands
+    rays: Rays
+    start: Array
+    end: Array
+    hit: Array
+    within: Array
+    shortest: Array
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+    def __getitem__(self, rows: Whole) -> Given:
+        own = (self.start, self.end, self.hit, self.within, self.shortest)
+        return Given(self.operands, self.rays[rows], *(v[rows] for v in own))
+
+
+def judge(given: Given, progress: Callable[[float], None] | None = None) -> Verdict:
+    """Judge reported hits."""
+    hit, within = given.hit, given.within
     found = np.isfinite(hit)
-    free_to = np.where(found, np.minimum(hit - within, end), end)
-    verdict = Verdict.unknown(n, operands.met(rays, start, start)[:0])
-    verdict.low[:] = free_to
-    _free(operands, rays, operands.met(rays, start, free_to), free_to, within, shortest, verdict, progress)
+    free_to = np.where(found, np.minimum(hit - within, given.end), given.end)
+    verdict = Verdict.unknown(free_to)
+    work = given.operands.met(given.rays, given.start, free_to)
+    thin = free(given, work, free_to, given.shortest, verdict, progress)
+    _late(given, thin, free_to, found, verdict)
     stuck = verdict.low < free_to
-    changes = _change(operands, rays, start, hit, within, np.flatnonzero(found & ~stuck), verdict)
-    verdict.high[changes >= 0] = np.minimum(verdict.high, hit + within)[changes >= 0]
+    changes = _change(given, np.flatnonzero(found & ~stuck & ~verdict.grazing), verdict)
+    verdict.high[changes] = np.minimum(verdict.high, hit + within)[changes]
     inside = verdict.high <= free_to  # a point in the solid before the reported hit
-    beside = found & ~stuck & (changes < 0)
-    rows = np.flatnonzero(beside)
-    beside[rows] = ~_around(operands, rays, rows, hit[rows], within, verdict)
+    beside = found & ~stuck & ~verdict.grazing
+    beside[changes] = False
     verdict.state[:] = np.where(inside, CONTRADICTED, np.where(stuck | beside, OPEN, PROVED))
-    _invented(operands, rays, hit, within, end, shortest, np.flatnonzero(beside), verdict)
+    _beside(given, np.flatnonzero(beside), verdict)
     return verdict
 
 
-def _free(
-    operands: Operands,
-    rays: Rays,
+def free(
+    given: Given,
     work: Stretch,
     free_to: Array,
-    within: Array,
     shortest: Array,
     verdict: Verdict,
     progress: Callable[[float], None] | None = None,
     slivers: bool = True,
-) -> None:
+) -> Stretch:
     """Prove stretches free. `verdict.low` becomes the start of the first one that is not.
 
     slivers : a short stretch is no obstacle, even if it crosses a surface, if a point within the tolerance lies
-        outside: what the ray meets there is a sliver.
+        outside. These stretches are returned.
     """
-    left: list[Stretch] = []
-    pending, whole = [work], max(len(work), 1)
+    left, thin = [verdict.left], [EMPTY]
+    pending, within = [work], given.within
     while pending:
         now = pending.pop()
         if len(now) > TOGETHER:
@@ -117,87 +142,113 @@ def _free(
         now = now[now.start < verdict.high[now.rays]]
         if not len(now):
             continue
-        np.add.at(verdict.evaluations, now.rays, 1)
+        verdict.evaluations += np.bincount(now.rays, minlength=len(given))
         last = now.end >= free_to[now.rays]
         centre = np.where(last, now.end, 0.5 * (now.start + now.end))
-        range_, at, _ = operands.enclose(rays, now, centre)
+        range_, at, _ = given.operands.enclose(given.rays, now, centre)
         is_free = range_[0] > 0.0
-        sliver = slivers & (now.end - now.start <= SLIVER * within[now.rays])
-        in_solid = ~is_free & (at[1] < 0.0)
-        rows = np.flatnonzero(in_solid | (~is_free & sliver))
-        if slivers:
-            shallow = _around(operands, rays, now.rays[rows], centre[rows], within, verdict, outside=True)
-            in_solid[rows[shallow]] = False
-            is_free[rows] |= shallow & sliver[rows]
-        np.minimum.at(verdict.high, now.rays[in_solid], centre[in_solid])
         length = now.end - now.start
+        in_solid = ~is_free & (at[1] < 0.0)
+        stop = in_solid.copy()
+        if slivers:
+            tiny = length <= SLIVER * within[now.rays]
+            rows = np.flatnonzero(~is_free & (in_solid | tiny))
+            shallow = _around(given, now.rays[rows], centre[rows], verdict, outside=True)
+            in_solid[rows[shallow]] = stop[rows[shallow]] = False
+            rows = rows[shallow & tiny[rows]]
+            thin.append(now[rows])
+            is_free[rows] = True
+        np.minimum.at(verdict.high, now.rays[in_solid], centre[in_solid])
         blind = np.isinf(range_[0]) & np.isinf(range_[1]) & (length <= BLIND * within[now.rays])
-        short = (length <= shortest[now.rays]) | (verdict.evaluations[now.rays] > MOST) | blind
-        stop = ~is_free & (short | in_solid)
-        left.append(now[stop])
+        stop |= (length <= shortest[now.rays]) | (verdict.evaluations[now.rays] > MOST) | blind
+        left.append(now[~is_free & stop])
         go = now[~is_free & ~stop]
-        middle = 0.5 * (go.start + go.end)
         if len(go):
-            pending.append(
-                Stretch(
-                    np.concatenate([go.rays, go.rays]),
-                    np.concatenate([go.operands, go.operands]),
-                    np.concatenate([go.start, middle]),
-                    np.concatenate([middle, go.end]),
-                )
-            )
+            middle = 0.5 * (go.start + go.end)
+            halves = Stretch(go.rays, go.operands, go.start, middle), Stretch(go.rays, go.operands, middle, go.end)
+            pending.append(Stretch.joined(halves))
         if progress is not None:
-            progress(1.0 - min(sum(map(len, pending)) / whole, 1.0))
-    verdict.left = Stretch.joined([verdict.left, *left])
+            open_ = np.zeros(len(given), bool)
+            for part in pending:
+                open_[part.rays] = True
+            progress(1.0 - float(open_.mean()))
+    verdict.left = Stretch.joined(left)
     np.minimum.at(verdict.low, verdict.left.rays, verdict.left.start)
+    return Stretch.joined(thin)
 
 
-def _change(
-    operands: Operands, rays: Rays, start: Array, hit: Array, within: Array, some: Whole, verdict: Verdict
-) -> NDArray[np.int64]:
-    """Which of the places `WITHIN` lies in the solid for certain; -1 for none."""
-    result = np.full(len(hit), -1, np.int64)
-    for number, share in enumerate(WITHIN):
-        if not len(some):
+def _late(given: Given, thin: Stretch, free_to: Array, found: NDArray[np.bool_], verdict: Verdict) -> None:
+    """Slivers that reach the hit: the hit is late along the ray, unless they are free at closer sight."""
+    begin = free_to.copy()
+    while True:  # stretches that touch are one sliver
+        more = (thin.end >= begin[thin.rays]) & (thin.start < begin[thin.rays])
+        if not more.any():
             break
-        place = hit[some] + share * within[some]
-        place = np.maximum(place, start[some])
-        part = Rays(rays.origins[some], rays.directions[some])
-        work = operands.met(part, place, place)
-        _, at, _ = operands.enclose(part, work, work.start)
-        np.add.at(verdict.evaluations, some[work.rays], 1)
-        inside = np.zeros(len(some), bool)
-        inside[work.rays[at[1] < 0.0]] = True
-        result[some[inside]] = number
+        np.minimum.at(begin, thin.rays[more], thin.start[more])
+    rows = np.flatnonzero((begin < free_to) & found & (verdict.low >= free_to))
+    if not len(rows):
+        return
+    part, last = given[rows], free_to[rows]
+    own = Verdict.unknown(last)
+    free(part, part.operands.met(part.rays, begin[rows], last), last, part.shortest, own, slivers=False)
+    late = np.flatnonzero(own.low < last)
+    shallow = _around(part, late, part.hit[late], own, outside=True)
+    verdict.grazing[rows[late[shallow]]] = True
+    deep = late[~shallow]
+    own.left = own.left[np.isin(own.left.rays, deep)]
+    verdict.take(rows, own)
+    verdict.low[rows[deep]], verdict.high[rows[deep]] = own.low[deep], own.high[deep]
+
+
+def _change(given: Given, some: Whole, verdict: Verdict) -> Whole:
+    """The rays of which one of the places `WITHIN` lies in the solid for certain."""
+    result = []
+    for share in WITHIN:
+        part = given[some]
+        inside = _inside(part, np.maximum(part.hit + share * part.within, part.start), verdict, some)
+        result.append(some[inside])
         some = some[~inside]
-    return result
+    return np.concatenate(result)
 
 
-def _around(
-    operands: Operands, rays: Rays, some: Whole, at: Array, within: Array, verdict: Verdict, outside: bool = False
-) -> NDArray[np.bool_]:
+def _inside(given: Given, at: Array, verdict: Verdict, some: Whole) -> NDArray[np.bool_]:
+    """Whether one point of each ray lies in the solid for certain."""
+    inside = np.zeros(len(given), bool)
+    work = given.operands.met(given.rays, at, at)
+    _, value, _ = given.operands.enclose(given.rays, work, work.start)
+    verdict.evaluations[some] += np.bincount(work.rays, minlength=len(given))
+    inside[work.rays[value[1] < 0.0]] = True
+    return inside
+
+
+def _around(given: Given, some: Whole, at: Array, verdict: Verdict, outside: bool) -> NDArray[np.bool_]:
     """Whether a point in the solid, or outside of it, lies within the tolerance of points on rays.
 
-    some : the rays. at : the points on them. Asked are places on a sphere: of a sharp edge, the solid fills a small
-    part of it.
+    some : the rays. at : the points on them. Asked are the points and places on a sphere: of a sharp edge, the solid
+    fills a small part of it.
     """
     found = np.zeros(len(some), bool)
-    if not len(some):
-        return found
-    places = rays.origins[some] + at[:, None] * rays.directions[some]
-    directions = spiral(AROUND)
-    points = (places[:, None] + (1.0 - SLIVER) * within[some, None, None] * directions).reshape(-1, 3)
-    owners = np.repeat(np.arange(len(some)), AROUND)
-    part = Rays(points, np.broadcast_to(directions, (len(some), AROUND, 3)).reshape(-1, 3))
-    work = operands.near(part, np.zeros(len(points)))
-    _, value, _ = operands.enclose(part, work, work.start)
-    np.add.at(verdict.evaluations, some[owners[work.rays]], 1)
-    if not outside:
-        found[owners[work.rays[value[1] < 0.0]]] = True
-        return found
-    low = np.full(len(points), np.inf)
-    np.minimum.at(low, work.rays, value[0])
-    found[owners[low > 0.0]] = True
+    every = spiral(AROUND)
+    first = np.arange(0, AROUND, AROUND // FIRST)
+    for directions in (np.zeros((1, 3)), every[first], np.delete(every, first, axis=0)):
+        open_ = np.flatnonzero(~found)
+        if not len(open_):
+            break
+        rays, count = some[open_], len(directions)
+        places = given.rays.origins[rays] + at[open_, None] * given.rays.directions[rays]
+        off = (1.0 - SLIVER) * given.within[rays, None, None] * directions
+        points = (places[:, None] + off).reshape(-1, 3)
+        owners, zero = np.repeat(open_, count), np.zeros(len(points))
+        part = Rays(points, np.zeros((len(points), 3)))
+        work = given.operands.met(part, zero, zero)
+        _, value, _ = given.operands.enclose(part, work, work.start)
+        verdict.evaluations += np.bincount(some[owners[work.rays]], minlength=len(given))
+        if outside:
+            low = np.full(len(points), np.inf)
+            np.minimum.at(low, work.rays, value[0])
+            found[owners[low > 0.0]] = True
+        else:
+            found[owners[work.rays[value[1] < 0.0]]] = True
     return found
 
 
@@ -209,32 +260,22 @@ def spiral(count: int) -> NDArray[np.float64]:
     return np.stack([beside * np.cos(turn), height, beside * np.sin(turn)], axis=1)
 
 
-def _invented(
-    operands: Operands,
-    rays: Rays,
-    hit: Array,
-    within: Array,
-    end: Array,
-    shortest: Array,
-    some: Whole,
-    verdict: Verdict,
-) -> None:
-    """Hits without a surface: free up to the tolerance behind them."""
+def _beside(given: Given, some: Whole, verdict: Verdict) -> None:
+    """Hits at which no point of the ray lies in the solid for certain: the ray grazes it, or the hit is wrong."""
     if not len(some):
         return
-    first, last = np.maximum(hit[some] - within[some], 0.0), np.minimum(hit[some] + within[some], end[some])
-    part = Rays(rays.origins[some], rays.directions[some])
-    empty = verdict.left[:0]
-    own = Verdict.unknown(len(some), empty)
-    own.low[:] = last
-    work, shortest = operands.met(part, first, last), shortest[some] / 16.0
-    _free(operands, part, work, last, within[some], shortest, own, slivers=False)
-    verdict.evaluations[some] += own.evaluations
-    solid = own.high <= last
+    part = given[some]
+    first, last = np.maximum(part.hit - part.within, 0.0), np.minimum(part.hit + part.within, part.end)
+    own = Verdict.unknown(last)
+    free(part, part.operands.met(part.rays, first, last), last, part.shortest / 16.0, own, slivers=False)
+    solid, is_free = own.high <= last, own.low >= last
+    grazing = np.flatnonzero(~solid)
+    grazing = grazing[_around(part, grazing, part.hit[grazing], own, outside=False)]
+    verdict.grazing[some[grazing]] = True
     verdict.high[some[solid]] = own.high[solid]
-    free = own.low >= last
-    verdict.state[some] = np.where(free, CONTRADICTED, np.where(solid, PROVED, OPEN))
-    verdict.low[some[free]] = last[free]
-    verdict.left = Stretch.joined(
-        [verdict.left, Stretch(some[own.left.rays], own.left.operands, own.left.start, own.left.end)]
-    )
+    verdict.low[some[is_free]] = last[is_free]
+    state = np.where(is_free, CONTRADICTED, OPEN)
+    state[solid] = state[grazing] = PROVED
+    verdict.state[some] = state
+    own.left = own.left[state[own.left.rays] == OPEN]
+    verdict.take(some, own)
