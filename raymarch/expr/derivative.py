@@ -220,7 +220,7 @@ FORWARD: Mapping[str, Forward] = {
     "cross": lambda e, t: v.cross(t[0], e.args[1]) + v.cross(e.args[0], t[1]),
     "swizzle": lambda e, t: _take(t[0], e.data),
     "construct": lambda e, t: construct(*t),
-    "matmul": lambda e, t: t[0] @ e.args[1] + e.args[0] @ t[1],
+    "matmul": lambda e, t: _product_rule(e, t),
     "where": lambda e, t: v.where(e.args[0], t[1], t[2]),
     "call": lambda e, t: _slope_along(e, t),
     "columns": lambda e, t: v.columns(*t),
@@ -233,6 +233,13 @@ FORWARD: Mapping[str, Forward] = {
     "within": lambda e, t: t[0],
 }
 """The same operations forwards: the tangent of the result from the tangents of the arguments."""
+
+
+def _product_rule(e: Expr, tangents: Sequence[Expr]) -> Expr:
+    """The tangent of a product of matrices, or of a matrix and a vector, without the factors that do not move."""
+    (a, b), (da, db) = e.args, tangents
+    terms = [term for term, t in ((da @ b, da), (a @ db, db)) if t is not zero(t.type)]
+    return terms[0] + terms[1] if len(terms) > 1 else terms[0] if terms else zero(e.type)
 
 
 def _take(value: Expr, components: str) -> Expr:
@@ -643,6 +650,12 @@ def _forward(node: Expr, incoming: Sequence[Expr], partials: Mapping[Expr, Parti
     if node.op in FORWARD:
         return FORWARD[node.op](node, incoming)
     total = zero(node.type)
+    if node.op in ("min", "max") and node.type is FLOAT and all(arg.type is FLOAT for arg in node.args):
+        first = (partials.get(node) or PARTIALS[node.op])[0]
+        side = None if first is None else first(node)
+        if side is not None and side.op == "where" and {side.args[1], side.args[2]} == {ONE, ZERO}:
+            taken = incoming if side.args[1] is ONE else incoming[::-1]
+            return v.where(side.args[0], taken[0], taken[1])
     for partial, tangent in zip(partials.get(node) or PARTIALS[node.op], incoming, strict=True):
         if partial is not None and tangent is not zero(tangent.type):
             total = total + partial(node) * tangent

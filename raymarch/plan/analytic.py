@@ -120,10 +120,17 @@ def _union_field(name: str, nodes: Sequence[Node], whole: Node, lowering: Loweri
     """The field of some operands of the whole solid, infinite for none."""
     if not nodes:
         return Function(name, (var("p", VEC3),), const(FARTHEST))
-    root = nodes[0]
-    if len(nodes) > 1:
-        root = united(nodes, nodes[0].facts, whole.where)
-    return lowering.again().field(root, name)
+    return lowering.again().field(_united(nodes, whole), name)
+
+
+def _united(nodes: Sequence[Node], whole: Node) -> Node:
+    """The union of some operands of the whole solid."""
+    return nodes[0] if len(nodes) == 1 else united(nodes, nodes[0].facts, whole.where)
+
+
+def marched_root(made: Analytic, whole: Node) -> Node | None:
+    """The union of the marched operands; None if there is none."""
+    return _united(made.marched, whole) if made.marched else None
 
 
 def _operands(root: Node) -> list[Node]:

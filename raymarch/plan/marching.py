@@ -12,9 +12,10 @@ import numpy as np
 
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
+from raymarch.sdf.advance import DEEPEST, readable
 from raymarch.sdf.levels import has_levels, may_touch
 
-MODULES = {"relaxed_again": "relaxed"}
+MODULES = {"relaxed_again": "relaxed", "advance": "ahead"}
 """Tracers whose module has a different name."""
 
 WORTH_FAR, WORTH, WORTH_BESIDE = 2e7, 1e8, 3e9
@@ -144,7 +145,7 @@ def choose(
     """
     quality = scene.quality
     certified, several = trusted(scene), quality.samples > 1 or quality.temporal != "off"
-    tracer, tracer_reason = _choose_tracer(quality, certified, refined(scene))
+    tracer, tracer_reason = _choose_tracer(scene, certified, refined(scene))
     least = WORTH_FAR if far else WORTH_BESIDE if closed else WORTH
     schedule, schedule_reason = _choose_schedule(quality, certified, operations, None if cells else size, least)
     if cells and schedule is SINGLE and certified and quality.schedule == "auto" and not quality.shortened:
@@ -181,8 +182,10 @@ def clipped(scene: Scene) -> bool:
     return bool(np.any(np.isfinite(facts.lower)) or np.any(np.isfinite(facts.upper)))
 
 
-def _choose_tracer(quality: Quality, certified: bool, refines: bool) -> tuple[str, str]:
-    asked = quality.tracer
+def _choose_tracer(scene: Scene, certified: bool, refines: bool) -> tuple[str, str]:
+    quality, asked = scene.quality, scene.quality.tracer
+    if asked == "advance" and scene.node.exactness == "estimate":
+        asked = "auto"
     if not certified:
         if asked in ("auto", "bracketing") and refines and not quality.shortened:
             return "bracketing", "the field is an estimate, so a step is at most a pixel longer than its value"
@@ -191,6 +194,10 @@ def _choose_tracer(quality: Quality, certified: bool, refines: bool) -> tuple[st
         return "plain", "the field is an estimate, so longer steps are not safe"
     if quality.shortened:
         return "plain", "Quality(step_scale=..., step_variation=...) shortens plain steps"
+    if asked == "advance":
+        if not readable(scene.node):
+            return "bracketing", f"the tree has more than {DEEPEST} nodes one above the other"
+        return "advance", "Quality(tracer='advance')"
     if asked == "auto":
         return "bracketing", "the field is certified, so a step longer than the distance can be checked"
     return asked, f"Quality(tracer={asked!r})"
@@ -234,6 +241,11 @@ def interpolated(scene: Scene) -> bool:
     return scene.quality.rays == "interpolated" and not variants_of(scene)
 
 
+def _field_along(marching: Marching) -> str:
+    """The module that evaluates the field along a ray."""
+    return "march/distance_ahead" if marching.tracer == "advance" else "march/distance"
+
+
 def choices(
     scene: Scene, marching: Marching, epsilon: float, standalone: bool = False, solved: str = ""
 ) -> dict[str, str]:
@@ -253,12 +265,12 @@ def choices(
     found = {
         **(own if standalone else given),
         "march/widths": f"a ray refines its hit within {epsilon:g} pixel widths of a surface",
-        "march/distance": "the field is evaluated along rays" + " and cones" * marching.cones,
+        _field_along(marching): "the field is evaluated along rays" + " and cones" * marching.cones,
         f"march/{MODULES.get(marching.tracer, marching.tracer)}": marching.tracer_reason,
     }
     if "OWN_START" in variants_of(scene):
         found["march/start_published"] = "each ray starts at a point of its own"
-    elif marching.tracer in ("plain", "bracketing"):
+    elif marching.tracer in ("plain", "bracketing", "advance"):
         found["march/start"] = "the field at the camera is known when the frame begins"
     else:
         found["march/start_published"] = f"{marching.tracer} starts as published"
@@ -286,6 +298,8 @@ def choices(
         found["march/clipped"] = "rays are marched only inside the scene's box"
     else:
         found["march/whole"] = "the scene's box is unbounded on all sides"
+    if marching.cones and marching.tracer == "advance":
+        found["march/cone_size"] = "rays and cones ask how far they are free"
     if marching.cones:
         found["march/begin_on"] = "rays start where their cones ended"
     else:

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from raymarch.errors import Location, warn
+from raymarch.expr.function import Function
 from raymarch.expr.node import Expr
 from raymarch.expr.samples import Samples
 from raymarch.expr.tables import Table
@@ -91,6 +92,7 @@ class Plan(Asked, Fields, Surfaces, Drawn):
     def variants(self) -> frozenset[str]:
         """The conditional lines of GLSL modules that the shader has; see `raymarch.glsl.VARIANTS`."""
         used = {
+            "ADVANCE": self.advance is not None,
             "ANALYTIC": self.analytic.used,
             "BOUNCES": self.scene.bouncing,
             "CONES": self.marching.cones,
@@ -193,6 +195,11 @@ class Plan(Asked, Fields, Surfaces, Drawn):
     def sky_light(self) -> bool:
         """True if the shader reads the spherical harmonics of the sky."""
         return self.material is not None and shading.ambient_sky(self.scene)
+
+    @cached_property
+    def advance(self) -> Function | None:
+        """The function that tells how far a ray is free; None if the tracer does not ask it."""
+        return self.advancing() if self.marching.tracer == "advance" else None
 
     @cached_property
     def choices(self) -> Mapping[str, str]:

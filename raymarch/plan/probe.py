@@ -34,8 +34,9 @@ class Probing:
 
 
 def single_sample(scene: Scene) -> Scene:
-    """The scene with one sample per pixel, marched in one pass without cones."""
-    return scene.replace(quality=scene.quality.replace(**SINGLE_PASS, samples=1, analytic=False))
+    """The scene with one sample per pixel, marched in one pass without cones, by values of the field alone."""
+    tracer = "auto" if scene.quality.tracer == "advance" else scene.quality.tracer
+    return scene.replace(quality=scene.quality.replace(**SINGLE_PASS, samples=1, analytic=False, tracer=tracer))
 
 
 def plan_faults(scene: Scene) -> Probing:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from typing import TypeAlias
 
 import numpy as np
@@ -32,6 +33,7 @@ from raymarch.plan.objects import Located, ObjectsInCells, exact_distance, reads
 from raymarch.plan.passes import ATTACHMENTS, BEFORE, Pass, picture_passes, split_lights, with_cones
 from raymarch.scene.origin import DefaultView, default_view, origin_of, refuse_extent, seen_from
 from raymarch.scene.scene import Scene
+from raymarch.sdf.advance import Advancing
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
 from raymarch.sdf.visibility import KINDS, hidden_from, hiding_nodes, labels_hidden_from
@@ -155,6 +157,7 @@ class Fields:
     seen : the field of camera rays, if parts are hidden from some kind of ray.
     hidden : the kinds of rays that parts are hidden from. If there are any, `field` reads the kind of the ray.
     gathered, located : the objects that are rows, and their cells.
+    advancing : makes the function that tells how far a ray is free.
     operations : of one evaluation. shapes : number of distinct shapes written as code.
     """
 
@@ -166,6 +169,7 @@ class Fields:
     analytic: Analytic
     gathered: Gathered
     located: Sequence[Located]
+    advancing: Callable[[], Function]
     operations: int
     shapes: int
 
@@ -210,11 +214,18 @@ def fields_of(
         bounding=made.bounding,
         analytic=closed,
         gathered=gathered,
+        advancing=cache(partial(_advance_of, solid, closed, lowering, hoist)),
         located=[made.objects.located(rows) for rows in gathered.rows],
         operations=operations,
         shapes=len(lowering.shapes),
     )
     return found, lowering
+
+
+def _advance_of(solid: Node, closed: Analytic, lowering: Lowering, hoist: Hoisting) -> Function:
+    """How far a ray through the marched solids is free."""
+    root = analytic.marched_root(closed, solid) if closed.used else solid
+    return hoist(Advancing(lowering).function(root, "field_advance"))
 
 
 class _Lowered:

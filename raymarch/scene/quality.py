@@ -11,7 +11,7 @@ from raymarch.expr.calls import checked
 from raymarch.expr.convert import choice, integer, optional, real, switch
 from raymarch.scene.value import Value, value
 
-TRACERS = ("auto", "plain", "relaxed", "relaxed_again", "enhanced", "auto_relaxed", "bracketing")
+TRACERS = ("auto", "plain", "relaxed", "relaxed_again", "enhanced", "auto_relaxed", "bracketing", "advance")
 NORMALS = ("analytic", "tetrahedron", "central", "forward")
 SCHEDULES = ("auto", "single", "two", "four", "six", "cone", "cones")
 REFINEMENTS = ("proven", "slope", "none")
@@ -83,6 +83,7 @@ class Quality(Value):
         - "enhanced": step length from the slope of the last two samples (Bálint and Valasek 2018).
         - "auto_relaxed": step length from an averaged slope (Bán and Valasek 2023).
         - "bracketing": as "auto_relaxed", and the empty sphere of a step that was too long is kept.
+        - "advance": as far as the ray is known to be free: by the tangent of each convex solid, else by the distance.
 
         A field that is only an estimate is marched with "plain", unless `assume_certified` is set. If it is negative
         inside of its solid, "auto" and "bracketing" march it with "bracketing": by at most a pixel more than its value.

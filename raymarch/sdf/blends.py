@@ -129,11 +129,13 @@ class Family:
     fold : the smooth minimum of two distances, with k.
     steepness : Lipschitz constant of a blend of two operands, of theirs; None if it is the larger one.
     margin : largest distance by which a blend of n operands exceeds their union, as a multiple of k.
+    concave : True if the fold is a concave function of the two distances, and falls with neither.
     """
 
     fold: Fold
     steepness: Callable[[Expr, Expr], Expr] | None = None
     margin: Callable[[int], float] = lambda n: 0.25 * levels(n)
+    concave: bool = True
 
     def reach(self, n: int, k: Any) -> Expr:
         """Largest distance by which a blend of n operands exceeds their union."""
@@ -166,8 +168,8 @@ FAMILIES: dict[str, Callable[[int], Family]] = {
     ),
     "round": lambda steps: Family(round_min, _hypotenuse, lambda n: 1.0 - 1.0 / math.sqrt(n)),
     "chamfer": lambda steps: Family(chamfer_min, _bevel, _half),
-    "stairs": lambda steps: Family(stairs(steps), margin=_half),
-    "columns": lambda steps: Family(columns(steps), _hypotenuse, _half),
+    "stairs": lambda steps: Family(stairs(steps), margin=_half, concave=False),
+    "columns": lambda steps: Family(columns(steps), _hypotenuse, _half, concave=False),
 }
 """All families, by the value of `blend=`; stairs and columns depend on their number."""
 

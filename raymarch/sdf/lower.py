@@ -348,7 +348,7 @@ class Lowering:
         answers: list[Expr] = []
         params = [v for v in node.params.values() if isinstance(v, Expr)]
         if not children:
-            value = _reading(template, undivided)(point, *params)
+            value = reading_of(template, undivided)(point, *params)
             self.shapes.add(value)
         else:
             new = dict(zip(template.params, (point, *params), strict=True))
@@ -378,7 +378,7 @@ class Lowering:
                                 self.origins.setdefault(inner, node.where)
                                 pending += inner.args
                 made.add(new[part])
-            value = new[_reading(template, undivided).body]
+            value = new[reading_of(template, undivided).body]
         if marking and label is not PARTS and node.definition.arity == "one":
             scale = distance_scale(value, answers)
             if scale is not ONE:
@@ -538,7 +538,7 @@ def _from_box(inside: Expr, gap: Expr) -> Expr:
     return where(dot(gap, gap) > 0.0, length(construct(gap, max(inside, 0.0))), inside)
 
 
-def _reading(template: Function, undivided: bool) -> Function:
+def reading_of(template: Function, undivided: bool) -> Function:
     """A definition as it is written, or the bound that it states in place of its divided value."""
     if template.body.data is not BOUND:
         return template

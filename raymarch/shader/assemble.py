@@ -153,7 +153,7 @@ def assemble(
     # The names of generated functions must differ from all others, so what is linked is found before they are printed.
     promised = link(mains, plan.choices, generated, variants)
     taken = promised.names.union({"PASS"}, *(chunk.gives for chunk in mains)) - {root.name for root in roots}
-    if plan.analytic.used:
+    if plan.analytic.used or plan.advance is not None:
         called = frozenset[str]().union(*(chunk.needs for chunk in (*mains, *promised.chunks)))
         if setup is not None:  # `set_frame` calls functions of the camera and of the values of the frame
             called |= {function.name for function in values.functions}
@@ -280,7 +280,7 @@ def expression_functions(plan: Plan) -> list[Function]:
 def _roots(plan: Plan, values: Values) -> list[Function]:
     """The functions of expressions that modules and generated code call. A standalone shader computes all values."""
     optional = (
-        *(plan.gradient, plan.material, plan.relief, plan.emission, plan.glass, plan.material_index),
+        *(plan.advance, plan.gradient, plan.material, plan.relief, plan.emission, plan.glass, plan.material_index),
         *(plan.analytic.hit, plan.analytic.rest, plan.analytic.solved_distance),
     )
     mapped = (footprint_axis, shading_normal) if plan.relief is not None else ()

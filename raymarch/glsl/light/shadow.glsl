@@ -29,10 +29,18 @@ float hard_shadow(Surface surface, Light light) {
 #endif
         if (at.t + min(z, at.r) >= range.y) return 1.0;
         float t = at.t + z;
+#ifdef ADVANCE
+#ifdef ANALYTIC
+        float r = way_ahead(ray, t, u_side, inside);
+#else
+        float r = way_ahead(ray, t, u_side);
+#endif
+#else
 #ifdef ANALYTIC
         float r = u_side * ray_field(ray.origin + t * ray.direction, inside);
 #else
         float r = u_side * field(ray.origin + t * ray.direction);
+#endif
 #endif
 #ifdef CUTS
         if (doubtful) {

@@ -32,10 +32,18 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
         if (at.t + min(z, at.r) > range.y) return hit;
         float t = at.t + z;
         vec3 p = ray.origin + t * ray.direction;
+#ifdef ADVANCE
+#ifdef ANALYTIC
+        float r = way_ahead(ray, t, side * u_side, inside);
+#else
+        float r = way_ahead(ray, t, side * u_side);
+#endif
+#else
 #ifdef ANALYTIC
         float r = side * u_side * ray_field(p, inside);
 #else
         float r = side * u_side * field(p);
+#endif
 #endif
 #ifndef UNCOUNTED
         hit.evaluations += 1.0;

@@ -1,0 +1,18 @@
+// How far a ray, or all rays of a cone, are free from t on.
+float march_distance(Ray ray, float t) {
+#ifdef CONE
+    vec3 size = abs(ray.origin);
+    float level = 2.0 * GROWTH * (max(size.x, max(size.y, size.z)) + t) + u_cone * t;
+#ifdef WIDE_CONE
+    level += u_cone_start;
+#endif
+    vec2 found = field_advance(ray.origin + t * ray.direction, ray.direction, level, u_cone + SLOPE_ERROR);
+    return free_way(found, level, u_side);
+#else
+#ifdef ANALYTIC
+    return way_ahead(ray, t, u_side, u_side < 0.0);
+#else
+    return way_ahead(ray, t, u_side);
+#endif
+#endif
+}

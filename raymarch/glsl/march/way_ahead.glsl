@@ -1,0 +1,22 @@
+// How far a ray is free, from a point p at the length t on: up to where the field falls to its rounding error. At the
+// surface and inside, where it is not free, the field less that error. `side` is -1 inside of a solid.
+const float SLOPE_ERROR = 1.0e-6;  // of the slope along a ray in float32
+
+float free_way(vec2 found, float level, float side) {
+    return found.y > 0.0 && side > 0.0 ? found.y : side * found.x - level;
+}
+
+#ifdef ANALYTIC
+float way_ahead(Ray ray, float t, float side, bool inside) {
+#else
+float way_ahead(Ray ray, float t, float side) {
+#endif
+    vec3 size = abs(ray.origin);
+    float level = 2.0 * GROWTH * (max(size.x, max(size.y, size.z)) + t);  // 2 ulp of the largest coordinate
+    vec3 p = ray.origin + t * ray.direction;
+    vec2 found = field_advance(p, ray.direction, level, SLOPE_ERROR);
+#ifdef ANALYTIC
+    if (inside) found.x = min(found.x, solved_field(p));
+#endif
+    return free_way(found, level, side);
+}
