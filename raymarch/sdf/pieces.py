@@ -20,6 +20,9 @@ from raymarch.sdf.facts import FARTHEST
 STEEPEST = 1e-20
 """In place of a rate that is 0."""
 
+ON_BORDER = 1e-18
+"""A way that is nearly 0, over a rate of 0: a ray in a border stays there."""
+
 _KEEPS = frozenset("add sub neg swizzle construct within".split())
 """Operations that give affine functions of affine ones, without a border."""
 
@@ -30,14 +33,14 @@ _GRIDS = {"round": 0.5, "floor": 0.0, "fract": 0.0, "ceil": 0.0}
 @function(gap=FLOAT, rate=FLOAT)
 def way_to_kink(gap: Expr, rate: Expr) -> Expr:
     """The way to where a number that is `gap` here, and changes by `rate` along the ray, is 0; far if it was 0."""
-    return where(gap * rate > 0.0, FARTHEST, min(abs(gap) / max(abs(rate), STEEPEST), FARTHEST))
+    return where(gap * rate > 0.0, FARTHEST, min((abs(gap) + ON_BORDER) / max(abs(rate), STEEPEST), FARTHEST))
 
 
 @function(at=FLOAT, rate=FLOAT)
 def way_to_integer(at: Expr, rate: Expr) -> Expr:
     """The way to where a number that is `at` here, and changes by `rate` along the ray, is the next integer."""
     inside = at - floor(at)
-    return min(where(rate > 0.0, 1.0 - inside, inside) / max(abs(rate), STEEPEST), FARTHEST)
+    return min(where(rate < 0.0, inside, 1.0 - inside) / max(abs(rate), STEEPEST), FARTHEST)
 
 
 def borders(root: Expr, point: Expr, direction: Expr, known: dict[Expr, Kinds]) -> list[Expr] | None:
