@@ -97,7 +97,8 @@ def test_what_a_module_uses_is_given_by_modules_or_generated() -> None:
 
 GENERATED = """
     Light Material Part Relief add_light begin_sample color_fault cone_share contact_share leap_pixels epsilon_pixels
-    field_advance field_faults field_gradient field_value footprint_axis footprint_pixels keep_surface kept_hit linear_to_srgb
+    field_advance field_faults field_gradient field_value footprint_axis footprint_pixels keep_surface kept_hit
+    linear_to_srgb
     march_steps marched_field
     marched_range material_at material_index part_at pcg picture_samples previous_position relax_again relaxation
     relief_at scene_box scene_cone secondary_steps set_frame shade shading_normal shadow_steps smoothing
