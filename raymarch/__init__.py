@@ -15,6 +15,8 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from raymarch.conveniences import attach
+
 if TYPE_CHECKING:
     from raymarch import cost as cost
     from raymarch.cluster.frames import render_frames as render_frames
@@ -57,6 +59,15 @@ _MODULES = {
     "raymarch.proof": "Proof prove",
     "raymarch.truth": "Truth truth",
 }
+attach(
+    {
+        "render": "raymarch.gpu:render",
+        "png": "raymarch.export.notebook:png",
+        "for_error": "raymarch.cost:for_error",
+        "for_time": "raymarch.cost:for_time",
+        "materials_by_value": "raymarch.scene.material:materials_by_value",
+    }
+)
 _SOURCES = {name: module for module, names in _MODULES.items() for name in names.split()}
 """The module of each other public name. It is imported when the name is first used."""
 

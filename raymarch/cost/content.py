@@ -20,7 +20,6 @@ from raymarch.scene.material import Material
 from raymarch.scene.parameter import Spec
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
-from raymarch.sdf.instancing import given
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.rows import Rows
 
@@ -75,7 +74,7 @@ class _Instances:
         return rows.field
 
     def label(self, rows: Rows, inherited: Any) -> _Label:
-        node, transforms, materials = given(rows)
+        node, transforms, materials = rows.origin[1:]
         return _Label(Lowering(objects=self).field(node, label=inherited), transforms, materials)
 
 

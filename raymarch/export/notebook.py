@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from html import escape
 from importlib.util import find_spec
 from typing import Any
 
-from raymarch.errors import PlanError, SceneError, UnknownNameError
+from raymarch.errors import PlanError, SceneError
+from raymarch.export.live import Live
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import integer, short
 from raymarch.gpu import frame
 from raymarch.gpu.renderer import render
-from raymarch.scene.parameter import Values, set_values
+from raymarch.scene.parameter import set_values
 from raymarch.scene.scene import Scene, check_scene, in_notebook, scene_of
 from raymarch.sdf.node import Node
 
@@ -38,39 +37,6 @@ def as_scene(shown: Scene | Node) -> Scene:
     low, high = shown.bounds
     extent = float(max((high - low)[:2]))
     return scene_of(shown.extrude(FLAT * extent if 0 < extent < float("inf") else FLAT))
-
-
-@dataclass(frozen=True, slots=True)
-class Live:
-    """A scene as a page in a cell of a notebook. Where no page can be shown, it is a picture."""
-
-    scene: Scene
-    values: Values
-    size: tuple[int, int]
-
-    def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, Any]:
-        from raymarch.export.text.html import text_of
-
-        image = render(self.scene, self.size, self.values.time, self.values.params)
-        found: dict[str, Any] = {"image/png": frame.png(image), "text/plain": repr(self)}
-        try:
-            page = escape(text_of(self.scene, self.values).text, quote=True)
-        except PlanError:
-            return found
-        width, height = self.size
-        style = f"width: 100%; max-width: {width}px; height: {height}px; border: 0"
-        found["text/html"] = f'<iframe srcdoc="{page}" style="{style}" allow="fullscreen"></iframe>'
-        return found
-
-    def __getattr__(self, name: str) -> Any:
-        if name in ("params", "time", "playing", "view", "orbit", "pan", "observe", "render"):
-            why = "needs the package anywidget" if in_notebook() else "is that of a widget in a notebook; this is none"
-            legal = "pip install 'raymarch[jupyter]', or rm.render(scene, params=...)"
-            raise UnknownNameError(f"show: {name} {why}", legal=legal)
-        raise AttributeError(name)  # what Python and its tools look for
-
-    def __repr__(self) -> str:
-        return f"<raymarch scene, {self.size[0]}x{self.size[1]}>"
 
 
 @checked

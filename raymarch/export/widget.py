@@ -8,7 +8,7 @@ from importlib.resources import files
 from typing import Any
 
 from raymarch.errors import SceneError
-from raymarch.export.notebook import Live
+from raymarch.export.live import Live
 from raymarch.export.text.html import text_of
 from raymarch.gpu.renderer import render
 from raymarch.scene.parameter import Value, set_values

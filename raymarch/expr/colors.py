@@ -10,10 +10,12 @@ import numpy as np
 
 from raymarch.errors import SceneError
 from raymarch.expr.convert import short
+from raymarch.expr.node import called_by_expressions
 
 LEGAL = "linear RGB such as (1, 0.25, 0); or in sRGB, \"#ff8800\" or a name of CSS such as 'orange'"
 
 
+@called_by_expressions
 def linear_color(what: str, value: Any, legal: str = LEGAL) -> Any:
     """Linear RGB of a string, as a tuple; other values unchanged.
 
@@ -22,9 +24,9 @@ def linear_color(what: str, value: Any, legal: str = LEGAL) -> Any:
     """
     if not isinstance(value, str):
         return value
-    from PIL import ImageColor  # imported when a colour is first given as a string
+    from PIL import ImageColor  # these are imported when a colour is first given as a string, for the time of a start
 
-    from raymarch.expr.srgb import srgb_to_linear  # an expression, which this module helps to make
+    from raymarch.expr.srgb import srgb_to_linear
 
     try:
         encoded: Sequence[int] = ImageColor.getrgb(value.strip())

@@ -22,7 +22,7 @@ from raymarch.expr.arrays import evaluator
 from raymarch.expr.calls import checked
 from raymarch.expr.colors import linear_color
 from raymarch.expr.convert import numbers, short
-from raymarch.expr.node import Expr, Operand, construct, expr, var
+from raymarch.expr.node import Expr, Operand, called_by_expressions, construct, expr, var
 from raymarch.expr.peers import OF_SOLIDS
 from raymarch.expr.types import FLOAT, vector
 
@@ -190,6 +190,7 @@ def where(condition: Any, a: Operand, b: Operand) -> Any:
         raise SceneError("where of shapes that do not fit", legal=BROADCAST) from None
 
 
+@called_by_expressions
 def power(x: Operand, y: Operand) -> Expr:
     """x ** y of an expression. A whole constant power multiplies, so x may be negative; others are those of `pow`."""
     base, exponent = expr(x), expr(y)
@@ -279,6 +280,7 @@ UFUNCS: dict[str, Callable[..., Any]] = {
 """NumPy's universal functions of expressions, by their names."""
 
 
+@called_by_expressions
 def universal(name: str, method: str, inputs: tuple[Any, ...], options: dict[str, Any]) -> Any:
     """The value of a universal function of NumPy, called with an expression."""
     if method != "__call__" or name not in UFUNCS or any(value is not None for value in options.values()):

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from os.path import abspath, dirname, sep
 from types import FrameType
-from typing import Any, TypeAlias, overload
+from typing import Any, TypeAlias, TypeVar, overload
 from weakref import ref
 
 import numpy as np
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import Location, SceneError
 from raymarch.expr.convert import short
-from raymarch.expr.types import BOOL, FLOAT, MATRICES, STATE, TYPES, Type, vector
+from raymarch.expr.types import BOOL, FLOAT, MATRICES, STATE, Type, vector
 
 _HERE = dirname(abspath(__file__)) + sep
 _FILES: set[str] = set()
@@ -86,7 +86,8 @@ class Expr:
         return f"{self.op}({inner}{f' {self.data}' if self.data is not None else ''}) -> {self.type}"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _remade, (_rows(self),)
+        found: tuple[Any, ...] = CALLED["reduced"](self)
+        return found
 
     def __copy__(self) -> Expr:
         return self
@@ -106,9 +107,7 @@ class Expr:
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
         """NumPy's universal functions, such as `np.sin(expr)` and `array * expr`."""
-        from raymarch.expr.maths import universal
-
-        return universal(ufunc.__name__, method, inputs, options)
+        return CALLED["universal"](ufunc.__name__, method, inputs, options)
 
     # Arithmetic, as in GLSL: scalars are broadcast over vectors. Comparisons give booleans; == stays identity, because
     # equal expressions are one object. The functions are defined below.
@@ -158,6 +157,18 @@ class Expr:
         return self.op == "const"
 
 
+CALLED: dict[str, Callable[..., Any]] = {}
+"""The functions of modules that import this one which expressions call, by name."""
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def called_by_expressions(function: F) -> F:
+    """Decorator: let expressions find this function by its name. `raymarch.expr` imports its module."""
+    CALLED[function.__name__] = function
+    return function
+
+
 Operand: TypeAlias = Expr | float | Sequence[Any] | NDArray[Any] | str
 """An operand: an expression, a number, a sequence of 2 to 4 of them, or a colour such as "orange"."""
 
@@ -201,43 +212,6 @@ def make(op: str, type: Type, args: tuple[Expr, ...] = (), data: Any = None) -> 
             _interned[key] = mine
             return node
     return found
-
-
-def _rows(root: Expr) -> list[tuple[Any, ...]]:
-    """An expression as a table for pickle, arguments first, however deep it is."""
-    from raymarch.expr.walk import topological
-
-    numbers = {node: i for i, node in enumerate(topological([root]))}
-    return [(n.op, n.type.name, tuple(numbers[arg] for arg in n.args), n.data, n.where) for n in numbers]
-
-
-def _remade(rows: Any) -> Expr:
-    """The expression of a table; returns the existing one if it is equal."""
-    made: list[Expr] = []
-    try:
-        for op, name, arguments, data, where in rows:
-            if op not in _operations():
-                raise ValueError(f"no operation {short(op)}")
-            type = next(known for known in TYPES if known.name == name)
-            if op == "const":
-                data = np.array(data, bool if type is BOOL else np.float64)
-                data.setflags(write=False)
-                if data.shape != type.shape:
-                    raise ValueError(f"a constant of shape {data.shape} for a {type}")
-            node = make(op, type, tuple(made[i] for i in arguments), data)
-            if node.where is None and isinstance(where, Location):
-                node.where = where
-            made.append(node)
-        return made[-1]
-    except (TypeError, ValueError, IndexError, StopIteration) as fault:
-        raise SceneError(f"unpickling an expression: {fault}", legal="the pickle of an expression") from fault
-
-
-def _operations() -> set[str]:
-    """Operations that unpickling accepts."""
-    from raymarch.expr.arrays import RULES
-
-    return {*RULES, "const", "var", "param", "time", "call", "loop", "item", "apply", "mark", "cell"}
 
 
 def _creation_line() -> Location | None:
@@ -292,9 +266,7 @@ def expr(value: Operand) -> Expr:
     if isinstance(value, tuple | list) and any(isinstance(item, Expr) for item in value):
         return construct(*value)
     if isinstance(value, str):
-        from raymarch.expr.colors import linear_color
-
-        return const(linear_color("the colour", value))
+        return const(CALLED["linear_color"]("the colour", value))
     if isinstance(value, int | tuple | list | np.ndarray | np.generic):
         array = _numeric(value)
         if array is not None:
@@ -345,9 +317,8 @@ def _widest(op: str, args: tuple[Expr, ...]) -> Type:
 
 
 def _power(x: Operand, y: Operand) -> Expr:
-    from raymarch.expr.maths import power
-
-    return power(x, y)
+    made: Expr = CALLED["power"](x, y)
+    return made
 
 
 def product(a: Operand, b: Operand) -> Expr:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib import import_module
 from typing import Any, ClassVar, Self
 
+from raymarch.conveniences import carried_out_by
 from raymarch.errors import SceneError
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import choice, integer, optional, real, switch
@@ -262,7 +262,8 @@ class Quality(Value):
         -----
         A setting that misses hits is never chosen. Raises CostError if no setting stays within the limit.
         """
-        return import_module("raymarch.cost").for_error(scene, error, **where).quality  # of a layer above
+        found: Quality = carried_out_by("for_error")(scene, error, **where).quality
+        return found
 
     @staticmethod
     def for_time(scene: Any, time: str, **where: Any) -> Quality:
@@ -278,7 +279,8 @@ class Quality(Value):
         -----
         Raises CostError if no setting that finds every hit is fast enough.
         """
-        return import_module("raymarch.cost").for_time(scene, time, **where).quality  # of a layer above
+        found: Quality = carried_out_by("for_time")(scene, time, **where).quality
+        return found
 
     @property
     def footprint(self) -> float:

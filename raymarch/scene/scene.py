@@ -6,13 +6,13 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import field, fields
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
+from raymarch.conveniences import carried_out_by
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.convert import belongs, described, instance, integer, optional, short
@@ -164,7 +164,7 @@ class Scene(Value):
 
     def _repr_png_(self) -> bytes:
         """The picture of the scene, for notebooks; drawn by `raymarch.export`, a layer above this package."""
-        drawn: bytes = import_module("raymarch.export.notebook").png(self)
+        drawn: bytes = carried_out_by("png")(self)
         return drawn
 
     @property
@@ -215,7 +215,7 @@ class Scene(Value):
         inline = in_notebook()
         if not inline and sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & {*os.environ}:
             raise SceneError("show: this machine has no display", legal='rm.render(scene).save("picture.png")')
-        picture: Image = import_module("raymarch.gpu").render(self, size, time, params)  # of a layer above
+        picture: Image = carried_out_by("render")(self, size, time, params)
         if not inline:
             picture.show()
         return picture

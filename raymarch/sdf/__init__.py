@@ -6,7 +6,8 @@ Public are the names that the modules list. What is a method of nodes can be cal
 import sys
 from typing import TYPE_CHECKING
 
-from raymarch.sdf import lower as _lower  # registers how a node is evaluated and printed
+from raymarch.sdf import lower as _lower  # these register how a node is evaluated, printed and pickled
+from raymarch.sdf import pickling as _pickling
 from raymarch.sdf.booleans import *
 from raymarch.sdf.boxes import *
 from raymarch.sdf.cells import *

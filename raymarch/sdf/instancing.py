@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from importlib import import_module
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from raymarch.conveniences import carried_out_by
 from raymarch.errors import SceneError
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import holdable, numbers, short
@@ -17,7 +17,6 @@ from raymarch.expr.types import FLOAT, MAT3, VEC3
 from raymarch.expr.walk import find
 from raymarch.sdf.definition import divisor_of, shape, with_bound
 from raymarch.sdf.domain import Domain
-from raymarch.sdf.labels import relabelled
 from raymarch.sdf.lower import lower
 from raymarch.sdf.node import Node, solid
 from raymarch.sdf.placing import affine, material, refuse_label, translate
@@ -183,7 +182,7 @@ def rows_from(node: Node, transforms: ArrayLike, materials: Any) -> Rows:
         facts.exactness == "exact",
         divisor_of(node) or 1.0,
     )
-    return Rows((form,), palette, given=(node, np.asarray(transforms, np.float64), materials))
+    return Rows((form,), palette, given=(rows_from, node, np.asarray(transforms, np.float64), materials))
 
 
 SOME = rows_from(sphere(0.4), [(-0.6, 0.0, 0.0), (0.6, 0.0, 0.0), (0.0, 0.8, 0.0)], None)
@@ -205,7 +204,7 @@ def instanced(p: Expr, rows: Annotated[Any, Domain(None, holds=Rows)] = SOME) ->
 
 def moved(rows: Rows, by: Array) -> Rows:
     """The same instances moved by a vec3, in float64."""
-    node, transforms, materials = given(rows)
+    _, node, transforms, materials = rows.origin
     shifted = transforms.copy()
     if transforms.ndim == 2:
         shifted[:, :3] += by
@@ -214,20 +213,6 @@ def moved(rows: Rows, by: Array) -> Rows:
     else:
         shifted[:, :, 3] += by
     return rows_from(node, shifted, materials)
-
-
-def with_labels(rows: Rows, change: Callable[[Any], Any]) -> Rows:
-    """The same instances with materials mapped by a function."""
-    node, transforms, materials = given(rows)
-    if rows.materials != (None,):
-        materials = [change(m) for m in rows.materials], rows.forms[0].slots[:, 0]
-    return rows_from(relabelled(node, change), transforms, materials)
-
-
-def given(rows: Rows) -> tuple[Any, ...]:
-    """The arguments from which `instances` made rows."""
-    assert rows.given is not None, "only the plan makes other rows, and does not change them"
-    return rows.given
 
 
 def _are_colors(given: Any) -> bool:
@@ -273,8 +258,7 @@ def instances(node: Node, transforms: ArrayLike, materials: Any = None) -> Node:
         materials = {"color": materials}
     if isinstance(materials, Mapping):
         n = len(_placements(transforms)[1])
-        of_values = import_module("raymarch.scene.material").materials_by_value  # of a layer above
-        materials = of_values("instances", materials, n)
+        materials = carried_out_by("materials_by_value")("instances", materials, n)
     given = [] if materials is None else [materials]
     if isinstance(materials, list | tuple):
         indexed = len(materials) == 2 and isinstance(materials[1], np.ndarray)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from raymarch.sdf.node import Node, at_line_of, children_first, replaced
+from raymarch.sdf.node import Node, children_first, replaced
 
 
 def flattened(node: Node) -> list[Node]:
@@ -61,9 +61,7 @@ def relabelled(root: Node, change: Callable[[Any], Any]) -> Node:
         label = None if node.label is None else change(node.label)
         rows = rows_of(node)
         if rows is not None and rows.labelled:
-            from raymarch.sdf.instancing import instanced, with_labels
-
-            made[id(node)] = at_line_of(node, instanced(with_labels(rows, change)))
+            made[id(node)] = replaced(node, (), {"rows": rows.relabelled(change)})
         elif all(a is b for a, b in zip(children, node.children, strict=True)) and label is node.label:
             made[id(node)] = node
         else:

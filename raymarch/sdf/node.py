@@ -5,18 +5,18 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping
 from functools import wraps
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from raymarch.conveniences import carried_out_by
 from raymarch.errors import Location, SceneError, user_location
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import described, numbers, short
 from raymarch.expr.peers import OPERATORS, refused_operator, unknown_attribute
 from raymarch.sdf.facts import Exactness, Facts
-from raymarch.sdf.pickling import Same, pickled, remake, same
+from raymarch.sdf.same import Same, same
 
 if TYPE_CHECKING:
     from raymarch.expr.function import Function
@@ -76,7 +76,7 @@ class Node:
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return remake, (pickled(self),)
+        return cast("tuple[Any, ...]", METHODS["reduced"](self))
 
     def __repr__(self) -> str:
         lower, upper = (np.array2string(b, precision=4, separator=", ") for b in self.bounds)
@@ -93,7 +93,7 @@ class Node:
 
     def _repr_png_(self) -> bytes:
         """The picture of the node, for notebooks; drawn by `raymarch.export`, a layer above this package."""
-        return import_module("raymarch.export.notebook").png(self)
+        return cast(bytes, carried_out_by("png")(self))
 
     # Facts
 

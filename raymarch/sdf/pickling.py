@@ -7,43 +7,16 @@ give a node that the definition would refuse.
 from __future__ import annotations
 
 import sys
-import threading
 from importlib import import_module
 from types import FunctionType
 from typing import TYPE_CHECKING, Any
-from weakref import WeakValueDictionary
 
 from raymarch.errors import Location, SceneError
 from raymarch.expr.convert import short
+from raymarch.sdf.node import Node, called_by_nodes, children_first
 
 if TYPE_CHECKING:
     from raymarch.sdf.definition import Definition
-    from raymarch.sdf.node import Node
-
-
-class Same:
-    """What equal nodes have in common: one object, so that trees of any depth are compared at once."""
-
-    __slots__ = ("__weakref__", "key")
-
-    def __init__(self, key: tuple[Any, ...]) -> None:
-        self.key = key
-
-
-_known: WeakValueDictionary[tuple[Any, ...], Same] = WeakValueDictionary()
-_knowing = threading.Lock()
-
-
-def same(*key: Any) -> Same:
-    """The one object for a definition, what the children have in common, the parameters and the label."""
-    with _knowing:  # two threads must not make two
-        try:
-            found = _known.get(key)
-        except TypeError:
-            raise SceneError(f"material = {short(key[-1])}", legal="Material(...)") from None
-        if found is None:
-            _known[key] = found = Same(key)
-    return found
 
 
 # Definitions by name
@@ -95,10 +68,14 @@ def check_name(function: FunctionType, what: str) -> None:
 # Tables
 
 
+@called_by_nodes
+def reduced(root: Node) -> tuple[Any, ...]:
+    """What pickle makes of a node."""
+    return remake, (pickled(root),)
+
+
 def pickled(root: Node) -> list[tuple[Any, ...]]:
     """The rows of a tree, the root last."""
-    from raymarch.sdf.node import children_first
-
     numbers: dict[int, int] = {}
     rows: list[tuple[Any, ...]] = []
     for node in children_first(root):
@@ -114,8 +91,6 @@ def pickled(root: Node) -> list[tuple[Any, ...]]:
 
 def remake(rows: Any) -> Node:
     """The tree of some rows, its parameters checked."""
-    from raymarch.sdf.node import Node
-
     made: list[Node] = []
     try:
         for name, below, params, label, where in rows:

@@ -28,7 +28,7 @@ from raymarch.expr.vocabulary import min as minimum
 from raymarch.expr.walk import depends_on, find, substitute, topological
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.facts import FARTHEST
-from raymarch.sdf.labels import seen_labels
+from raymarch.sdf.labels import relabelled, seen_labels
 from raymarch.sdf.lower import UNMARKED, Lowering
 from raymarch.sdf.node import Node
 
@@ -264,7 +264,7 @@ class Rows:
     forms : the forms; the rows of the first come first.
     materials : the materials that objects may have; None stands for the material that is inherited.
     k, family : width and kind of the blend; 0 and "" for a hard union.
-    given : the arguments from which `instances` made the rows; None for other rows.
+    given : the function that made the rows of `instances`, and its arguments; None for other rows.
     """
 
     forms: tuple[Form, ...]
@@ -289,9 +289,22 @@ class Rows:
         return hash(self.key)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        from raymarch.sdf.instancing import given, rows_from
+        make, *given = self.origin
+        return make, tuple(given)
 
-        return rows_from, given(self)
+    @property
+    def origin(self) -> tuple[Any, ...]:
+        """The function that made the rows, and its arguments."""
+        assert self.given is not None, "only the plan makes other rows, and does not change them"
+        return self.given
+
+    def relabelled(self, change: Callable[[Any], Any]) -> Rows:
+        """The same objects with materials mapped by a function."""
+        make, node, transforms, materials = self.origin
+        if self.materials != (None,):
+            materials = [change(m) for m in self.materials], self.forms[0].slots[:, 0]
+        made: Rows = make(relabelled(node, change), transforms, materials)
+        return made
 
     def __repr__(self) -> str:
         return f"Rows({len(self)})"
