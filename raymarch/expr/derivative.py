@@ -594,6 +594,7 @@ def gradient_function(definition: Function, both: Expr) -> Function:
     """The function that returns `both`, the gradient and the value of another function."""
     made = Function(f"{definition.name}_gradient", definition.params, both, definition.names, definition.where)
     made.derived["gradient of"] = definition
+    made.derived.update(definition.derived.get("readings of the gradient", {}))
     return made
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
@@ -9,10 +10,11 @@ import numpy as np
 
 from raymarch.expr import vocabulary as v
 from raymarch.expr.arrays import SMALLEST
+from raymarch.expr.derivative import companion
 from raymarch.expr.function import Function, Loop, function
 from raymarch.expr.node import Expr, const, construct, expr
 from raymarch.expr.series import Reading, Series, trimmed
-from raymarch.expr.smooth import LEAST, ONE, SMOOTH, ZERO
+from raymarch.expr.smooth import LEAST, NOTHING, ONE, SMOOTH, ZERO, largest
 from raymarch.expr.types import BOOL, FLOAT
 from raymarch.expr.walk import rebuild, topological
 
@@ -53,9 +55,8 @@ class Along:
         if node.op in ("const", "param", "time", "var", "cell") or (all(map(_is_still, args)) and _plain(node)):
             return _still(node if not args else node_at_start(node, args))
         if node.op == "call":
-            rule = CALLS.get(node.data)
-            if rule is not None:
-                return rule(self.r, *args)
+            if "limits" in node.data.derived:
+                return _limited(self.r, node.data, *args)
             return self.of(node.data.body, dict(zip(node.data.params, args, strict=True)))
         if node.op == "loop":
             return self._loop(node.data, args)
@@ -264,8 +265,41 @@ VECTORS: Mapping[str, Callable[..., Any]] = {
     "transpose": lambda r, node, m: [[column[i] for column in m] for i in range(len(m))],
 }
 
-CALLS: dict[Function, Callable[..., Value]] = {}
-"""Functions with a rule of their own: of the reading and the values of the arguments."""
+
+def _limited(r: Reading, definition: Function, q: Sequence[Series], *more: Series) -> Series:
+    """A function with `raymarch.expr.lattice.Limits`.
+
+    Along a straight line, the parabola of its slope at the start and its bend; else its steepest slope. Where these
+    leave its range within the stretch, the range.
+    """
+    limits = definition.derived["limits"]
+    here = construct(*[part.c[0] for part in q])
+    rest = [part.c[0] for part in more]
+    straight = r.smooth and all(part.exact and len(part.c) <= 2 for part in q) and all(part.still for part in more)
+    if straight and limits.bend < math.inf:
+        direction = construct(*[part.rate for part in q])
+        both = companion(definition)(here, *rest)
+        value, rate = both.w, v.dot(both.xyz, direction)
+        bend = (0.5 * limits.bend) * v.dot(direction, direction)
+        found = Series((value, rate), NOTHING, NOTHING, (-bend, bend))
+    else:
+        if not all(part.still for part in more):
+            raise Unbounded(definition.name)
+        value = definition(here, *rest)
+        speed = v.length(construct(*[largest(r.change(part)) for part in q]))
+        steep = limits.steepest * speed
+        found = Series((value,), NOTHING, (-steep, steep))
+    change = r.over(r.change(found))
+    least, most = limits.low - value, limits.high - value
+    below, above = change[0] < least, change[1] > most
+
+    return Series(
+        found.c,
+        (v.where(below, least, 0.0), v.where(above, most, 0.0)),
+        (v.where(below, -found.rate, found.slope[0]), v.where(above, -found.rate, found.slope[1])),
+        (v.where(below, 0.0, found.curve[0]), v.where(above, 0.0, found.curve[1])),
+        (const(limits.low), const(limits.high)),
+    )
 
 
 def series_of(definition: Function, point: Expr, direction: Expr, w: Expr, **form: bool) -> tuple[Reading, Series]:

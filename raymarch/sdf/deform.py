@@ -9,6 +9,7 @@ triangle.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Annotated, Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from raymarch.errors import SceneError
 from raymarch.expr.convert import choice, short
 from raymarch.expr.degrees import suspect_degrees
 from raymarch.expr.intervals import interval_of
-from raymarch.expr.node import Expr, expr
+from raymarch.expr.node import Expr, Operand, expr
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import abs, atan2, clamp, cos, dot, length, max, min, sin, sqrt, vec2, vec3, where
 from raymarch.sdf.definition import Child, ChildFacts, around_y, at_least, operator
@@ -37,6 +38,7 @@ from raymarch.sdf.domain import (
 )
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.node import Node, method, solid
+from raymarch.sdf.noise import displace_by
 from raymarch.sdf.placing import AXES
 from raymarch.sdf.repetition import UNBOUNDED
 
@@ -207,14 +209,18 @@ def displace_by_waves(
 
 
 @method
-def displace(node: Node, amplitude: Scalar = 0.05, frequency: Vector | Scalar = 10.0) -> Node:
+def displace(
+    node: Node, amplitude: Scalar | Callable[[Expr], Operand] = 0.05, frequency: Vector | Scalar = 10.0
+) -> Node:
     """Displace by amplitude times sin(fx x) sin(fy y) sin(fz z), which is added to the field.
 
-    amplitude : length >= 0.
+    amplitude : length >= 0; or a function of the point, for `displace_by`: `lambda p: 0.1 * rm.fbm(p)`.
     frequency : radians per unit of length, one number or three.
 
     A bound: divided by 1 + amplitude times the largest frequency.
     """
+    if callable(amplitude):
+        return displace_by(node, amplitude)
     each = as_operand("displace: frequency", frequency, "radians a unit of length, one number or three")
     return displace_by_waves(node, amplitude, each if each.type.is_vector else expr((each,) * 3))
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.calls import checked
-from raymarch.expr.convert import called, described, short
+from raymarch.expr.convert import called, described, real, short
 from raymarch.expr.derivative import companion
 from raymarch.expr.evaluate import Program
 from raymarch.expr.function import Function, trace
@@ -79,9 +79,7 @@ SAMPLES, CELLS = 48, 16
 
 
 @checked
-def implicit(
-    function: Callable[[Any], Operand], bounds: Scalar | Vector | Node, level: Scalar = 0.0, called: str = ""
-) -> Node:
+def implicit(function: Callable[[Any], Operand], bounds: Scalar | Vector | Node, level: Scalar = 0.0) -> Node:
     """Solid where a function of the point is below a level, such as an algebraic surface. No fact is needed.
 
     Parameters
@@ -90,7 +88,6 @@ def implicit(
     bounds : where the solid is cut, and closed: a number b for the cube from -b to b, two corners (lower, upper), or a
         bounded solid.
     level : the solid is where the function is below it: a number, or an expression of a `Param` with min and max.
-    called : the name in messages and in GLSL; by default that of the function.
 
     `rm.implicit(lambda p: p.x**4 + p.y**4 + p.z**4 - 1, 1.1)` is a rounded cube.
 
@@ -101,7 +98,7 @@ def implicit(
 
     Raises SceneError if the function is nowhere or everywhere negative in the box, or NaN at a point of it.
     """
-    made = _traced(function, called)
+    made = _traced(function)
     cut = bounds if isinstance(bounds, Node) else None
     lower, upper = _corners(bounds)
     at = Domain(FLOAT).accept("implicit", "level", level)
@@ -110,7 +107,7 @@ def implicit(
     return solid if cut is None else solid & cut
 
 
-def _traced(source: Any, called_as: str) -> Function:
+def _traced(source: Any) -> Function:
     if isinstance(source, Function):
         return source
     if not callable(source):
@@ -121,7 +118,7 @@ def _traced(source: Any, called_as: str) -> Function:
         return as_operand("implicit: the function gives", given, LEGAL)
 
     code = getattr(source, "__code__", of_point.__code__)
-    name = called_as or getattr(source, "__name__", "surface").strip("<>")
+    name = getattr(source, "__name__", "surface").strip("<>")
     made = trace("surface" if name == "lambda" else name, of_point, [("p", VEC3)], code)
     made = Function(made.name, made.params, _with_norms(made.body), {}, made.where)
     if made.type is not FLOAT:
@@ -156,8 +153,9 @@ def _corners(bounds: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         if bounds.dimension != 3 or not bounds.facts.bounded:
             raise SceneError(f"implicit: bounds = {described(bounds)}, which is not bounded", legal=BOUNDS)
         return bounds.bounds
-    if isinstance(bounds, int | float | np.number) and not isinstance(bounds, bool) and 0.0 < bounds < np.inf:
-        return np.full(3, -float(bounds)), np.full(3, float(bounds))
+    if isinstance(bounds, int | float | np.number) and not isinstance(bounds, bool):
+        half = real("implicit: bounds", bounds, legal=BOUNDS)
+        bounds = half if half <= 0.0 else ((-half,) * 3, (half,) * 3)
     lower, upper = corners_of("implicit: bounds", bounds, BOUNDS)
     if not np.all(np.isfinite([lower, upper])):
         raise SceneError(f"implicit: bounds = {short(bounds)}, which is not bounded", legal=BOUNDS)

@@ -14,22 +14,29 @@ from typing import Annotated, Any
 import numpy as np
 
 from raymarch.errors import SceneError
-from raymarch.expr.calls import checked
 from raymarch.expr.convert import called, short
 from raymarch.expr.derivative import companion
 from raymarch.expr.evaluate import Program
 from raymarch.expr.function import Function, function, sum_of, trace
 from raymarch.expr.hashing import hash
-from raymarch.expr.intervals import INTERVALS, Interval, interval_of
+from raymarch.expr.intervals import INTERVALS, interval_of
+from raymarch.expr.lattice import (
+    WORLEY,
+    gradient_lattice,
+    gradient_lattice_in_time,
+    lattice_noise,
+    lattice_noise_in_time,
+)
 from raymarch.expr.node import Expr, Operand, expr
-from raymarch.expr.types import FLOAT, VEC2, VEC3
-from raymarch.expr.vocabulary import clamp, cos, floor, max, mix, sin, vec3
+from raymarch.expr.octaves import fbm, gradient_noise, ridged, turbulence, value_noise, worley
+from raymarch.expr.types import FLOAT, VEC3
+from raymarch.expr.vocabulary import clamp, max, sin
 from raymarch.expr.walk import find
 from raymarch.sdf.definition import Child, operator, with_bound
 from raymarch.sdf.domain import Domain, NonNegative, Scalar, as_operand
 from raymarch.sdf.node import Node, method, solid
 
-__all__ = ["hash", "value_noise"]
+__all__ = ["fbm", "gradient_noise", "hash", "ridged", "turbulence", "value_noise", "worley"]
 
 Frequency = Annotated[Any, Domain(FLOAT, low=0.0, open=True, unit="1/length")]
 Octaves = Annotated[int, Domain(None, low=1, high=16, unit="count")]
@@ -44,52 +51,6 @@ def _displaced(distance: Expr, displacement: Expr, amplitude: Scalar, slope: Sca
 def _noise_slope(amplitude: Scalar, frequency: Scalar, octaves: int) -> Expr:
     return expr(amplitude) * frequency * (math.pi * _share(octaves) * octaves)
 
-
-@checked
-def value_noise(p: Operand) -> Expr:
-    """Smooth noise of a point, from -1 to 1: random values at the points with integer coordinates, and between them.
-
-    p : a vec3, or a vec2 for the plane z = 0. `value_noise(p * 4)` has features a quarter as wide.
-
-    No slope exceeds pi, so `node.displace_by` derives its step length from noise too. Octaves of it are a terrain:
-    `rm.plane().displace_by(lambda p: sum(0.5**i * rm.value_noise(p.xz * 2.0**i) for i in range(5)))`.
-    """
-    q = expr(p)
-    if q.type is VEC2:
-        q = vec3(q, 0.0)
-    if q.type is not VEC3:
-        raise SceneError(f"value_noise({q.type})", legal="a point, a vec3 or a vec2")
-    return lattice_noise(q)
-
-
-@function("value_noise", q=VEC3)
-def lattice_noise(q: Expr) -> Expr:
-    """Value noise: random values from -1 to 1 at integer lattice points, interpolated by cosines; pi-Lipschitz.
-
-    The constant: with the weights w = (1 - cos(pi t)) / 2 along each axis, the noise is the mean of a function v of the
-    eight corners under a product of probabilities w and 1 - w. The coefficients c of v along the axes have a sum of
-    squares of at most the mean of v^2, hence at most 1 (Parseval), and the slopes are c w' / sqrt(w (1 - w)) = pi c.
-    """
-    cell = floor(q)
-    weight = 0.5 - 0.5 * cos(math.pi * (q - cell))
-
-    def along_x(y: float, z: float) -> Expr:
-        return mix(hash(cell + vec3(0.0, y, z)), hash(cell + vec3(1.0, y, z)), weight.x)
-
-    low, high = (mix(along_x(0.0, z), along_x(1.0, z), weight.y) for z in (0.0, 1.0))
-    return 2.0 * mix(low, high, weight.z) - 1.0
-
-
-def _noise_range(q: Interval) -> tuple[Interval]:
-    """The interval reading of `lattice_noise`: a mean of its corners, which intervals take as independent."""
-    program = lattice_noise.once("range", lambda: Program([lattice_noise.body], lattice_noise.params, INTERVALS))
-    ((low, high),) = program(q)
-    if low is high:
-        return ((low, low),)
-    return ((np.fmax(low, -1.0), np.fmin(high, 1.0)),)
-
-
-lattice_noise.derived["program", INTERVALS] = _noise_range
 
 OFFSET = (17.31, 5.77, 29.53)
 """Offset between octaves, so that their lattices have no point in common."""
@@ -198,12 +159,12 @@ def _traced(source: Callable[[Any], Any]) -> Function:
 
 # What can be derived of a function
 
+LIMITED = (lattice_noise, lattice_noise_in_time, gradient_lattice, gradient_lattice_in_time, *WORLEY.values())
+"""Functions whose slopes are known, whatever operations they have."""
+
 JUMPS = ("sign", "floor", "ceil", "round", "fract", "mod", "step", "where", "loop", "hash", "raw")
 """Operations that may be discontinuous, or whose slopes intervals cannot bound."""
 
-
-NOISE_LIMITS = (np.array([-math.pi, -math.pi, -math.pi, -1.0]), np.array([math.pi, math.pi, math.pi, 1.0]))
-"""Gradient and value of `lattice_noise` anywhere: less than intervals find, which take its corners as independent."""
 
 LARGEST = 2.0**23
 """A field divided by more than this has no precision left in float32."""
@@ -213,7 +174,7 @@ def _measured(
     node: Node, function: Function, amplitude: Scalar | None, lipschitz: Scalar | None
 ) -> tuple[Function, Scalar, Scalar]:
     """The function with its amplitude and slope. If they hold only in a box, the function is constant outside of it."""
-    jumps = find([function.body], *JUMPS, outside=(lattice_noise,))
+    jumps = find([function.body], *JUMPS, outside=LIMITED)
     if lipschitz is None and jumps:
         what = f"displace_by: the function uses '{jumps[0].op}', so its Lipschitz constant cannot be derived"
         legal = "lipschitz = the most by which it changes a unit of length; that of rm.value_noise(p) is known"
@@ -245,8 +206,7 @@ def _measured(
 
 def _steepest(function: Function, lower: Any, upper: Any) -> tuple[float, float]:
     """The largest size and slope of a function over a box, by intervals; infinite if unknown."""
-    whole, noise = companion(function), companion(lattice_noise)
-    noise.derived["program", INTERVALS] = lambda _q: (NOISE_LIMITS,)
+    whole = companion(function)
     with np.errstate(all="ignore"):
         ((low, high),) = Program([whole.body], whole.params, INTERVALS)((lower, upper))
     largest = np.maximum(np.abs(low), np.abs(high))

@@ -139,7 +139,7 @@ def test_every_function_has_a_help_text() -> None:
 NAMES: dict[str, tuple[Callable[[], Any], str]] = {
     "an index": (lambda: rm.vec3(1, 2, 3)[5], r"component 5 of a vec3 \(an index from 0 to 2\)"),
     "what a scene does": (lambda: rm.Scene(rm.sphere()).render, r"a Scene has no 'render' \(use rm.render\(scene\)\)"),
-    "a parameter": (lambda: rm.value_noise(rm.vec3(1, 2, 3), seed=1), r"value_noise has no parameter 'seed'"),
+    "a parameter": (lambda: rm.value_noise(rm.vec3(1, 2, 3), octaves=1), r"value_noise has no parameter 'octaves'"),
     "a function": (lambda: rm.smooth_union, r"raymarch has no 'smooth_union' \(did you mean rm.union\(a, b, k=0.2\)\?"),
     "a typing error": (lambda: rm.spher, r"did you mean rm.sphere\?"),
     "capitals": (lambda: rm.Sphere, r"did you mean rm.sphere\?"),

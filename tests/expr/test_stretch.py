@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import raymarch as rm
 import raymarch.expr.vocabulary as v
 from raymarch.expr import loop
 from raymarch.expr.arrays import evaluator
@@ -54,6 +55,11 @@ FUNCTIONS: dict[str, Callable[[Expr], Any]] = {
     "turned": lambda p: v.length((p * v.transpose(const(TURN))).zx) - abs((p - 1.0).y),
     "called": lambda p: bump(2.0 * p - 0.3) + bump(p.zy.x * p) - 0.4,
     "root": lambda p: v.sqrt(abs(p.x * p.y) + 0.01) - v.sqrt(v.max(p.z, 0.0)),
+    "noise": lambda p: 0.4 * rm.value_noise(p) + p.y,
+    "terrain": lambda p: p.y - rm.fbm(2.0 * p.xz, 4, noise="value"),
+    "ridges": lambda p: p.y - 0.5 * rm.ridged(p, 3) + 0.2 * rm.turbulence(p * p.x, 2),
+    "cellular": lambda p: rm.worley(2.0 * p) - 0.3 + 0.2 * rm.worley(p * p, "F2-F1"),
+    "noise at a time": lambda p: p.x + 0.5 * rm.gradient_noise(v.vec4(p, 0.3), period=4),
     "loop": folded,
     "loop that ends": halved,
 }
