@@ -16,7 +16,10 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "Pictures": ("render", "Renderer", "Frame", "show", "Slice"),
     "Reference and proof": ("truth", "Truth", "prove", "Proof", "probe", "Probe"),
     "Files": ("export", "triangulate", "render_frames"),
-    "Expressions": ("value_noise", "hash", "colormap"),
+    "Expressions": (
+        *("value_noise", "gradient_noise", "worley", "fbm", "turbulence", "ridged"),
+        *("hash", "colormap"),
+    ),
     "Your own parts": ("shape", "operator", "Node", "Light", "DirectionSample", "Texture"),
     "Errors": tuple(errors.__all__),
 }

@@ -89,9 +89,9 @@ def value_noise(p: Operand, seed: int = 0, period: int = 0) -> Expr:
 @checked
 def gradient_noise(p: Operand, seed: int = 0, period: int = 0) -> Expr:
     """Gradient noise of a point, from -1 to 1 (Perlin 1985, with the weights of Perlin 2002): 0 at each lattice point,
-    with a random slope there. More even than `value_noise`, and twice as dear. No slope exceeds 3.225.
+    with a random slope there. More even than `value_noise`. No slope exceeds 3.225.
 
-    The parameters are those of `value_noise`.
+    p, seed, period : as of `value_noise`.
     """
     return _noise("gradient_noise", KINDS["gradient"], p, seed, period)
 
@@ -178,7 +178,7 @@ def turbulence(
 ) -> Expr:
     """Turbulence, from 0 to 1: the weighted mean of the absolute values of octaves (Perlin 1985), with creases at 0.
 
-    The parameters are those of `fbm`.
+    p, octaves, gain, lacunarity, seed, noise, period : as of `fbm`.
     """
     return _octaves("turbulence", abs, p, octaves, gain, lacunarity, seed, noise, period)
 
@@ -195,6 +195,6 @@ def ridged(
 ) -> Expr:
     """Ridges, from 0 to 1: the weighted mean of (1 - |n|)^2 of octaves n (Musgrave 1998, offset 1, without feedback).
 
-    The parameters are those of `fbm`.
+    p, octaves, gain, lacunarity, seed, noise, period : as of `fbm`.
     """
     return _octaves("ridged", lambda n: v.square(1.0 - abs(n)), p, octaves, gain, lacunarity, seed, noise, period)

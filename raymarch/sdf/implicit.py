@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.calls import checked
-from raymarch.expr.convert import called, described, real, short
+from raymarch.expr.convert import called, described, plain, real, short
 from raymarch.expr.derivative import companion
 from raymarch.expr.evaluate import Program
-from raymarch.expr.function import Function, trace
+from raymarch.expr.function import Function, trace, unique_function
 from raymarch.expr.intervals import INTERVALS, interval_of
 from raymarch.expr.node import Expr, Operand, construct
 from raymarch.expr.types import FLOAT, VEC3
@@ -120,7 +120,7 @@ def _traced(source: Any) -> Function:
     code = getattr(source, "__code__", of_point.__code__)
     name = getattr(source, "__name__", "surface").strip("<>")
     made = trace("surface" if name == "lambda" else name, of_point, [("p", VEC3)], code)
-    made = Function(made.name, made.params, _with_norms(made.body), {}, made.where)
+    made = unique_function(made.name, made.params, _with_norms(made.body), {}, made.where)
     if made.type is not FLOAT:
         raise SceneError(f"implicit: the function gives a {made.type}", legal=LEGAL, where=made.where)
     if made.params[0] not in topological([made.body]):
@@ -153,7 +153,7 @@ def _corners(bounds: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         if bounds.dimension != 3 or not bounds.facts.bounded:
             raise SceneError(f"implicit: bounds = {described(bounds)}, which is not bounded", legal=BOUNDS)
         return bounds.bounds
-    if isinstance(bounds, int | float | np.number) and not isinstance(bounds, bool):
+    if isinstance(plain(bounds), int | float) and not isinstance(bounds, bool):
         half = real("implicit: bounds", bounds, legal=BOUNDS)
         bounds = half if half <= 0.0 else ((-half,) * 3, (half,) * 3)
     lower, upper = corners_of("implicit: bounds", bounds, BOUNDS)
