@@ -35,7 +35,9 @@ if TYPE_CHECKING:
     from raymarch.proof import prove as prove
     from raymarch.scene import *
     from raymarch.sdf import *
+    from raymarch.truth import Hits as Hits
     from raymarch.truth import Truth as Truth
+    from raymarch.truth import raycast as raycast
     from raymarch.truth import truth as truth
 
 __version__ = "0.1.0"
@@ -57,7 +59,7 @@ _MODULES = {
     "raymarch.gpu.probe": "Probe probe",
     "raymarch.gpu.slices": "Slice",
     "raymarch.proof": "Proof prove",
-    "raymarch.truth": "Truth truth",
+    "raymarch.truth": "Hits Truth raycast truth",
 }
 attach(
     {

@@ -116,7 +116,7 @@ FUNCTIONS = _keys(
         "radians deg2rad rad": "math.radians(angle)",
         "clip": "rm.clamp(x, low, high) for a number, a & b for solids",
         "loft blendprofiles": "flat.extrude_to(other, height)",
-        "raycast intersectray pick": "rm.probe(scene, pixel)",
+        "intersectray castray pick": "rm.raycast(node, origins, directions)",
         "hull convexhull minkowski": "node.offset(distance) for the sum with a ball; there is no convex hull",
         "linspace arange array range": "numpy's function of that name",
         "savepng savefig imsave": 'rm.render(scene).save("picture.png")',

@@ -7,6 +7,7 @@ function. The rest is one expression, in which equal subtrees are one object.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import cycle
@@ -16,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import Location, SceneError
-from raymarch.expr.arrays import evaluator_of
+from raymarch.expr.arrays import bound, evaluator_of
+from raymarch.expr.convert import real, short
 from raymarch.expr.derivative import ONE, companion, directional_derivatives
 from raymarch.expr.faults import Passage
 from raymarch.expr.function import Function, sum_of
@@ -589,6 +591,20 @@ BLOCK = 1 << 14
 def evaluate_distance(node: Node, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distances in float64; see `Node.distance`."""
     return _in_blocks(field_of(node), points, ()).reshape(points.shape[:-1])
+
+
+@called_by_nodes
+def values_bound(node: Node, time: float, params: Mapping[str, Any] | None) -> AbstractContextManager[None]:
+    """Bind the time and values of parameters for an evaluation; see `Node.distance`."""
+    seconds = real("time", time)
+    if not params:
+        return bound({}, seconds)
+    specs = {leaf.data.name: leaf.data for leaf in find(field_of(node).inner, "param")}
+    for name in params:
+        if name not in specs:
+            known = ", ".join(sorted(specs)) or "none; this solid has no Param"
+            raise SceneError(f"unknown parameter '{name}' = {short(params[name])}", legal=f"one of: {known}")
+    return bound({name: specs[name].accept(value) for name, value in params.items()}, seconds)
 
 
 def undivided_field(node: Node) -> Function:

@@ -137,31 +137,44 @@ class Node:
 
     # Values
 
-    def distance(self, points: ArrayLike) -> NDArray[np.float64]:
+    def distance(
+        self, points: ArrayLike, time: float = 0.0, params: Mapping[str, Any] | None = None
+    ) -> NDArray[np.float64]:
         """Signed distance in float64.
 
         Parameters
         ----------
         points : shape (N, 3), or (3,) for one point ((N, 2) for a flat shape).
+        time : value of `rm.time` in seconds.
+        params : values of parameters by name, within their ranges; the others keep their defaults.
 
         Returns
         -------
-        shape (N,), or () for one point. Parameters have their default values, time is 0.
-        """
-        return METHODS["evaluate_distance"](self, self._points(points))
+        shape (N,), or () for one point. SceneError for another shape, an unknown parameter or a value out of range.
 
-    def gradient(self, points: ArrayLike) -> NDArray[np.float64]:
+        >>> rm.sphere(1).translate((rm.time, 0, 0)).distance((3, 0, 0), time=1.5)
+        array(0.5)
+        """
+        with METHODS["values_bound"](self, time, params):
+            return METHODS["evaluate_distance"](self, self._points(points))
+
+    def gradient(
+        self, points: ArrayLike, time: float = 0.0, params: Mapping[str, Any] | None = None
+    ) -> NDArray[np.float64]:
         """Gradient of the distance in float64: the outward normal where the field is exact.
 
         Parameters
         ----------
         points : shape (N, 3), or (3,) for one point.
+        time, params : see `distance`.
 
         Returns
         -------
         the same shape as `points`. On edges and medial axes, where the gradient does not exist, that of one side or 0.
+        SceneError as for `distance`.
         """
-        return METHODS["evaluate_gradient"](self, self._points(points))
+        with METHODS["values_bound"](self, time, params):
+            return METHODS["evaluate_gradient"](self, self._points(points))
 
     def _points(self, points: ArrayLike) -> NDArray[np.float64]:
         array = numbers("points", points, f"(N, {self.dimension}) or ({self.dimension},)")

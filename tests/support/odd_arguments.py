@@ -216,6 +216,7 @@ NEEDED: dict[str, dict[str, Any]] = {
     "sampled": {"values": BALL},
     "colormap": {"value": 0.5},
     "Slice": {"normal": (0, 1, 0)},
+    "raycast": {"scene": rm.box(), "origins": (0, 0, 5), "directions": (0, 0, -1)},
 }
 NEEDED |= {name: {"x": 0.5} for name in "acos asin atan ceil cos cosh exp exp2 floor fract log log2 sign sin".split()}
 NEEDED |= {name: {"x": 0.5} for name in "sinh sqrt tan tanh".split()}
@@ -238,6 +239,7 @@ UNCALLED = {
     "Node",
     "Frame",
     "Truth",
+    "Hits",
     "Probe",
     "Proof",
     "Texture",
