@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any
 
 import numpy as np
 
 from raymarch.gpu.budget import Budget
+from raymarch.gpu.frame_inputs import FrameInputs, content
+from raymarch.gpu.history import History
 from raymarch.gpu.part import Part, covering
 from raymarch.gpu.prepare import Prepared
 from raymarch.gpu.program import Program
 from raymarch.gpu.resource_cache import ResourceCache
+from raymarch.gpu.sequences import halton, moment, r2
 from raymarch.gpu.targets import Target
 from raymarch.plan import Pass
 from raymarch.plan.marching import Level
 from raymarch.scene.post import PICTURE, Stage
-
-PLASTIC = 1.3247179572447460
-"""The real root of x^3 = x + 1; its powers define the two-dimensional sequence of lowest known discrepancy."""
 
 CENTRE: Mapping[str, Any] = {"u_lens": (0.0, 1.0)}
 """The uniforms of a pass whose rays start at the centre of the lens."""
@@ -51,59 +51,6 @@ class DrawCall:
         self.program.draw(self.target, self.uniforms, tile or self.part)
 
 
-@dataclass(slots=True)
-class History:
-    """The state that a frame reuses from earlier frames.
-
-    name : put before the names of its targets.
-    view : the inputs of the cones that were drawn last.
-    shown : the same of the last picture, which frames without a picture do not change. text : its shader text.
-    samples : number of samples per pixel that were averaged since the picture changed.
-    cones : whether the last picture drew its own cones.
-    before : the camera uniforms of the last picture; None if there is none.
-    values : all uniforms of the last picture except data textures. shader : its text, and what replaces its numbers.
-    frames : number of pictures since the history was reset.
-    marched : number of march passes of the picture so far. arrived : whether all rays have terminated.
-    lit : number of samples of light that were added to the current sample of the picture, of `lights`; see
-        `Plan.light_samples`. lighted : whether all were, or a pass adds all. rows : number of rows of the picture that
-        already have the next samples of light, if a pass takes several frames. adding : number of these samples.
-    """
-
-    name: str = ""
-    view: Any = None
-    shown: Any = None
-    text: str | None = None
-    samples: int = 0
-    cones: bool = True
-    before: Mapping[str, Any] | None = None
-    values: Mapping[str, Any] = field(default_factory=dict)
-    shader: Any = None
-    frames: int = 0
-    marched: int = 0
-    arrived: bool = False
-    lit: int = 0
-    lights: int = 1
-    lighted: bool = True
-    rows: int = 0
-    adding: int = 0
-
-    def begin(self, view: Any, text: str | None, keep: bool) -> bool:
-        """Begin a frame. Returns True if the cones of the last one can be reused.
-
-        view, text : as above; text is None for a frame without a picture. keep : False to reuse nothing.
-        """
-        kept = keep and view == self.view
-        if text is not None:
-            same = keep and view == self.shown and text == self.text
-            self.samples = self.samples if same else 0
-            self.marched = self.marched if kept else 0
-            self.lit, self.rows = (self.lit, self.rows) if kept and same else (0, 0)
-            self.lighted = True
-            self.shown, self.text, self.cones = view, text, not kept
-        self.view = view
-        return kept
-
-
 @dataclass(frozen=True, slots=True)
 class Turn:
     """A draw of each pass of a group.
@@ -112,6 +59,7 @@ class Turn:
     before : all uniforms of the last picture, if the scene changed since. kept : use what was drawn earlier.
     rows : the first row that is drawn, and the one after the last; None for all. A pass with a history reads the
         earlier one until its last row is drawn.
+    light_turns : the largest number of lights of a surface; None if it is that of the frame.
     """
 
     uniforms: Mapping[str, Any]
@@ -120,16 +68,17 @@ class Turn:
     before: Mapping[str, Any] | None = None
     kept: bool = False
     rows: tuple[int, int] | None = None
+    light_turns: int | None = None
 
 
 class Drawing:
     """The draw calls of a frame. Updates the history as if they were drawn.
 
-    uniforms : of all passes. size : of the picture, or of the part.
+    inputs : of all passes. size : of the picture, or of the part.
     budget : the time for a march, or light, that is split into several passes. What does not fit is left to the next
         frame. Each call must then be drawn, and its time added, before the next is requested. None: light is one pass,
         and a march has the maximum number of passes.
-    at : the uniforms at a time in the opening of the shutter, from -1/2 to 1/2 with 0 for the frame's time; each sample
+    at : the inputs at a time in the opening of the shutter, from -1/2 to 1/2 with 0 for the frame's time; each sample
         has its own. None if the scene does not move while the shutter is open.
     part : the part of a picture that is drawn; `ready` is then that of `prepared_part`.
     """
@@ -138,14 +87,14 @@ class Drawing:
         self,
         resources: ResourceCache,
         ready: Prepared,
-        uniforms: Mapping[str, Any],
+        inputs: FrameInputs,
         size: tuple[int, int],
         history: History,
         budget: Budget | None = None,
-        at: Callable[[float], Mapping[str, Any]] | None = None,
+        at: Callable[[float], FrameInputs] | None = None,
         part: Part | None = None,
     ) -> None:
-        self.resources, self.ready, self.uniforms, self.size = resources, ready, uniforms, size
+        self.resources, self.ready, self.inputs, self.size = resources, ready, inputs, size
         self.history, self.budget, self.at, self.part = history, budget, at, part
         self._before_last = 0.0  # milliseconds of the frame up to the passes that follow those that add light
         self._added = True  # whether this frame adds light to the whole picture
@@ -158,8 +107,8 @@ class Drawing:
 
     def __iter__(self) -> Iterator[DrawCall]:
         keep = self.ready.plan.scene.quality.temporal != "off"
-        view = _view(self.ready, self.uniforms, self.size)
-        kept = self.history.begin(view, self.ready.texts.get("color"), keep)
+        compared = _compared(self.ready, self.inputs, self.size)
+        kept = self.history.begin(compared, self.ready.texts.get("color"), keep)
         for _, group in groupby(self.ready.plan.passes, key=lambda p: p.often == "sample" or p.name):
             passes = tuple(group)
             for turn in TURNS[passes[0].often](self, passes, kept):
@@ -173,33 +122,33 @@ class Drawing:
         """The draws of a pass in a turn. A pass that adds samples of light is drawn until all are added, or the time is
         over; without a budget, once. A sample that lacks light does not replace the mean of earlier ones."""
         history, plan = self.history, self.ready.plan
-        count = plan.light_samples(turn.uniforms.get("light_turns", self.uniforms.get("light_turns", 1)))
+        count = plan.light_samples(turn.light_turns or self.inputs.light_turns)
         if chosen.lights == "before":
-            yield replace(turn, kept=history.lit > 0 or history.rows > 0)
+            yield replace(turn, kept=history.light.added > 0 or history.light.rows > 0)
         elif chosen.lights == "after":
-            yield replace(turn, kept=not self._added or (not history.lighted and history.samples > 0))
+            yield replace(turn, kept=not self._added or (not history.light.complete and history.mean.samples > 0))
         elif chosen.lights == "":
             yield turn
-        elif plan.marching.resumed and not history.arrived:  # rays on their way are shown with the first lights
-            history.lit, history.lighted = 0, False
+        elif plan.marching.resumed and not history.march.arrived:  # rays on their way are shown with the first lights
+            history.light.added, history.light.complete = 0, False
             yield _lit(turn, 0, self._next(count)[0])
-        elif history.lit >= count:
+        elif history.light.added >= count:
             yield replace(turn, kept=True)
         else:
-            history.lights, self._added = count, False
+            history.light.count, self._added = count, False
             height, drawn = self.size[1], False
-            while history.lit < count:
-                samples, end = self._next(count - history.lit, drawn=drawn)
+            while history.light.added < count:
+                samples, end = self._next(count - history.light.added, drawn=drawn)
                 if not samples:
                     break
-                begin, drawn = history.rows, True
-                lit = _lit(turn, history.lit, history.lit + samples)
+                begin, drawn = history.light.rows, True
+                lit = _lit(turn, history.light.added, history.light.added + samples)
                 yield lit if end - begin == height else replace(lit, rows=(begin, end))
                 self._timed(samples, (end - begin) / height)
-                history.rows, history.adding = end % height, samples
+                history.light.rows, history.light.adding = end % height, samples
                 if end == height:
-                    history.lit, self._added = history.lit + samples, True
-            history.lighted = history.lit >= count
+                    history.light.added, self._added = history.light.added + samples, True
+            history.light.complete = history.light.added >= count
 
     def _next(self, rest: int, *, drawn: bool = False) -> tuple[int, int]:
         """What the next draw adds: a number of samples of light, of those that are left, up to a row of the picture.
@@ -211,18 +160,18 @@ class Drawing:
         budget, pace, history, (width, height) = self.budget, self.ready.pace, self.history, self.size
         most = self.ready.plan.scene.quality.lights_per_pass
         if budget is None or isinstance(most, int):
-            history.rows = 0
+            history.light.rows = 0
             late = budget is not None and budget.over and pace.time(rest) * width * height > budget.left + budget.grace
             if drawn and late:
                 return 0, 0
             return min(most, rest) if budget is not None and isinstance(most, int) else rest, height
         left = budget.left / (width * height) - pace.after
-        samples = history.adding
-        if not history.rows:
+        samples = history.light.adding
+        if not history.light.rows:
             if pace.time(rest) <= left + budget.grace / (width * height):
                 return rest, height
             samples, worth = min(pace.fitting(left), rest), min(pace.worth, rest)
-            if not (history.lit or history.samples):
+            if not (history.light.added or history.mean.samples):
                 return max(samples, 1), height
             if samples >= worth:
                 return samples, height
@@ -230,7 +179,7 @@ class Drawing:
         share = pace.share(samples, left)
         if drawn and (left <= 0.0 or share * MOST_BANDS < 1.0):
             return 0, 0
-        return samples, min(history.rows + max(int(share * height), -(-height // MOST_BANDS)), height)
+        return samples, min(history.light.rows + max(int(share * height), -(-height // MOST_BANDS)), height)
 
     def _timed(self, samples: int, share: float = 1.0) -> None:
         """Count the pass that was drawn last, which added samples of light to a fraction of the picture."""
@@ -256,7 +205,7 @@ class Drawing:
         if not (turn.kept or (chosen.changed and turn.before is None)):
             program, compiling = self.resources.program(self.ready, chosen.name)
             uniforms = {
-                **self.uniforms,
+                **self.inputs.uniforms,
                 **self._read_by(chosen),
                 **(CENTRE if chosen.sharp else {}),
                 **turn.uniforms,
@@ -287,20 +236,20 @@ def _steps(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator[T
     if kept and "color" not in drawing.ready.texts:
         yield Turn({}, kept=True)
         return
-    history.marched = history.marched if kept else 0
-    if history.marched >= count:
+    history.march.passes = history.march.passes if kept else 0
+    if history.march.passes >= count:
         yield Turn({}, kept=True)
-    while history.marched < count:
-        steps = min(steps_per_pass, plan.marching.steps - history.marched * steps_per_pass)
-        begin, end = history.marched == 0, history.marched == count - 1
+    while history.march.passes < count:
+        steps = min(steps_per_pass, plan.marching.steps - history.march.passes * steps_per_pass)
+        begin, end = history.march.passes == 0, history.march.passes == count - 1
         yield Turn({"march_steps": steps, "u_begin": begin, "u_end": end})
-        history.marched += 1
-        if drawing.budget is not None and history.marched < count:
+        history.march.passes += 1
+        if drawing.budget is not None and history.march.passes < count:
             if not drawing.resources.count_active(drawing.pair_of(passes[0])):
-                history.marched = count
+                history.march.passes = count
             elif drawing.budget.over:
                 break
-    history.arrived = history.marched >= count
+    history.march.arrived = history.march.passes >= count
 
 
 def _samples(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator[Turn]:
@@ -309,26 +258,27 @@ def _samples(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator
     If the history is reprojected and anything except the camera changed since the last frame, a pass between the sample
     and the picture has the uniforms of that frame.
     """
-    history, ready, uniforms = drawing.history, drawing.ready, drawing.uniforms
+    history, ready, uniforms = drawing.history, drawing.ready, drawing.inputs.uniforms
     reprojected = len(passes) > 1 and not ready.plan.lights_split
     begin, end = (drawing.part and drawing.part.samples) or (0, ready.plan.scene.quality.samples)
     rest = end - begin
     single = ready.plan.marching.resumed  # one ray per pixel, whatever the number of frames
     if ready.plan.lights_split:  # the rest of a frame that ended early
-        rest -= history.samples % rest
+        rest -= history.mean.samples % rest
     camera = {name: uniforms[uniform] for name, uniform in CAMERA.items()}
-    earlier = camera if history.before is None else history.before
-    shader = history.text, ready.constants
-    known = reprojected and history.shader == shader and not _is_cut(earlier, camera, uniforms["u_far"])
+    earlier = camera if history.earlier.camera is None else history.earlier.camera
+    shader = history.mean.text, ready.constants
+    known = reprojected and history.earlier.shader == shader and not _is_cut(earlier, camera, uniforms["u_far"])
     cameras = {f"u_before_{name}": value for name, value in earlier.items()} if reprojected else {}
     for _ in range(rest):
-        still, number = history.samples > 0, begin + history.samples
+        still, number = history.mean.samples > 0, begin + history.mean.samples
+        then = drawing.at(moment(number)) if drawing.at is not None else None
         own = {
-            **(drawing.at(moment(number)) if drawing.at is not None else {}),
+            **({} if then is None else then.uniforms),
             **cameras,
             "footprint_pixels": ready.plan.scene.quality.footprint_of(number),
-            "u_jitter": r2(number) if still or not known else halton(history.frames % PERIOD),
-            "u_sample": number if still or not known else history.frames,
+            "u_jitter": r2(number) if still or not known else halton(history.earlier.frames % PERIOD),
+            "u_sample": number if still or not known else history.earlier.frames,
             "u_keep": still or known,
             "u_still": still,
         }
@@ -336,48 +286,42 @@ def _samples(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator
         before = {f"u_now_{name}": value for name, value in camera.items()} if changed else None
         if before is not None:
             before |= _earlier(drawing.resources, ready, history)
-        yield Turn({**own, "u_changed": changed}, before=before)
-        if not history.lighted:
+        turns = None if then is None else then.light_turns
+        yield Turn({**own, "u_changed": changed}, before=before, light_turns=turns)
+        if not history.light.complete:
             break
         if not single:
-            history.samples += 1
-            history.lit = 0
+            history.mean.samples += 1
+            history.light.added = 0
     if drawing.at is not None:  # textures of the samples may have taken the place of those of the frame
-        drawing.uniforms = {**drawing.uniforms, **drawing.at(0.0)}
+        drawing.inputs = drawing.inputs.with_uniforms(drawing.at(0.0).uniforms)
     if reprojected:
-        history.before, history.shader = camera, shader
-        history.frames += 1
-        history.values = {name: v for name, v in uniforms.items() if name not in ready.shader.samples}
+        history.earlier.camera, history.earlier.shader = camera, shader
+        history.earlier.frames += 1
+        history.earlier.uniforms = {name: v for name, v in uniforms.items() if name not in ready.shader.samples}
 
 
-def _view(ready: Prepared, uniforms: Mapping[str, Any], size: tuple[int, int]) -> Any:
+def _compared(ready: Prepared, inputs: FrameInputs, size: tuple[int, int]) -> Any:
     """All inputs of the cones and of the picture, for comparison: the field, the quality, the camera and all values."""
-    left_out = {"u_lights", "u_light_cells"} | (set() if ready.shader.uses_time else {"u_time"})  # light_rows are read
-    read = {name: value for name, value in uniforms.items() if name not in left_out}
-    numbers = tuple((name, _content(value)) for name, value in sorted(read.items()))
+    left_out = ("u_lights", "u_light_cells", *(() if ready.shader.uses_time else ("u_time",)))  # rows are compared
     constants = tuple((name, *sorted(values.items())) for name, values in sorted(ready.constants.items()))
-    return ready.plan.field.body, ready.plan.scene.quality, numbers, constants, size
-
-
-def _content(value: Any) -> Any:
-    """The value of a uniform, for comparison: numbers by their bits, textures by identity."""
-    if isinstance(value, int | float | tuple | list | np.ndarray):
-        return np.asarray(value, np.float64).tobytes()
-    return id(value)
+    return ready.plan.field.body, ready.plan.scene.quality, inputs.content(*left_out), constants, size
 
 
 def _changed(ready: Prepared, uniforms: Mapping[str, Any], history: History) -> bool:
     """True if the scene, except its camera, differs from that of the last picture."""
     names = {uniform for name, uniform in ready.shader.parameters.items() if name not in ready.plan.twins}
     names |= {"u_lights", "u_sky_light"} | ({"u_time"} if ready.shader.uses_time else set())
-    return any(_content(uniforms[name]) != _content(history.values[name]) for name in names & set(uniforms))
+    return any(content(uniforms[name]) != content(history.earlier.uniforms[name]) for name in names & set(uniforms))
 
 
 def _earlier(resources: ResourceCache, ready: Prepared, history: History) -> dict[str, Any]:
     """The uniforms of the last picture, to replace those of this one."""
     twins = {ready.shader.parameters[name] for name in ready.plan.twins}
-    lost = {"u_lights", "u_light_cells"} if not resources.has_lights(history.values.get("u_lights")) else set()
-    return {name: value for name, value in history.values.items() if name not in twins | lost}
+    lost = (
+        {"u_lights", "u_light_cells"} if not resources.has_lights(history.earlier.uniforms.get("u_lights")) else set()
+    )
+    return {name: value for name, value in history.earlier.uniforms.items() if name not in twins | lost}
 
 
 CAMERA = {
@@ -426,7 +370,7 @@ def _levels(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator[
         own = {
             "u_cell": cell,
             "u_footprint": footprint,
-            **_cone(footprint, drawing.uniforms, "ORTHOGRAPHIC" in plan.variants),
+            **_cone(footprint, drawing.inputs.uniforms, "ORTHOGRAPHIC" in plan.variants),
             "march_steps": max(1, round(level.share * plan.scene.quality.max_steps)),
             **({} if part is None else {"u_corner": boxes[i][:2]}),
         }
@@ -440,21 +384,20 @@ def _levels(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator[
         "u_cone": 0.0,
         "u_cone_start": 0.0,
         "march_steps": plan.marching.steps,
-        "u_spent": 1.0 if drawing.history.cones or plan.scene.quality.temporal == "off" else 0.0,
+        "u_spent": 1.0 if drawing.history.mean.own_cones or plan.scene.quality.temporal == "off" else 0.0,
     }
 
 
-def stages_of(chosen: Pass, uniforms: Mapping[str, Any], size: tuple[int, int]) -> list[Stage]:
-    """The stages of a post effect in a frame, of which these are the uniforms."""
+def stages_of(chosen: Pass, inputs: FrameInputs, size: tuple[int, int]) -> list[Stage]:
+    """The stages of a post effect in a frame with these inputs."""
     assert chosen.effect is not None
-    own = f"{chosen.name}."
-    return chosen.effect.stages({n.removeprefix(own): v for n, v in uniforms.items() if n.startswith(own)}, size)
+    return chosen.effect.stages(inputs.effects[chosen.name], size)
 
 
 def _effect(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator[Turn]:
     """The stages of a post effect. Each reads the picture, or earlier ones."""
     written = {PICTURE: drawing.carried["u_color"]}
-    for number, stage in enumerate(stages_of(passes[0], drawing.uniforms, drawing.size)):
+    for number, stage in enumerate(stages_of(passes[0], drawing.inputs, drawing.size)):
         reads = {name: written[index] for name, index in stage.reads.items()}
         yield Turn({**stage.uniforms, **reads}, stage.size, f"{passes[0].name} {number}")
         written[number] = drawing.carried["u_color"]
@@ -525,39 +468,9 @@ def count_draws(drawing: Drawing) -> int:
         "sample": ready.plan.scene.quality.samples,
     }
     effects = [p for p in ready.plan.passes if p.effect is not None]
-    stages = sum(len(stages_of(p, drawing.uniforms, drawing.size)) for p in effects)
+    stages = sum(len(stages_of(p, drawing.inputs, drawing.size)) for p in effects)
     most = ready.plan.scene.quality.lights_per_pass
-    samples = ready.plan.light_samples(drawing.uniforms.get("light_turns", 1)) if ready.plan.lights_split else 1
+    samples = ready.plan.light_samples(drawing.inputs.light_turns) if ready.plan.lights_split else 1
     lights = 1 if drawing.budget is None else -(-samples // (most if isinstance(most, int) else 1))
     turns = (several.get(p.often, 1) * (lights if p.lights == "each" else 1) for p in ready.plan.passes if not p.effect)
     return stages + sum(turns)
-
-
-# The position of each sample's ray in its pixel: low-discrepancy sequences.
-
-
-def r2(index: int) -> tuple[float, float]:
-    """Sample `index` of the R2 sequence (Roberts 2018) in [-0.5, 0.5), shifted so that sample 0 is the centre of the
-    pixel."""
-    x, y = (0.5 + index / PLASTIC) % 1.0, (0.5 + index / PLASTIC**2) % 1.0
-    return x - 0.5, y - 0.5
-
-
-def moment(index: int) -> float:
-    """The time of sample `index` in the opening of the shutter, in [-0.5, 0.5): van der Corput's sequence, shifted so
-    that sample 0 is the middle."""
-    return (_radical_inverse(index, 2) + 0.5) % 1.0 - 0.5
-
-
-def halton(index: int) -> tuple[float, float]:
-    """Sample `index` of the Halton sequence in bases 2 and 3, in [-0.5, 0.5): for short periods."""
-    return _radical_inverse(index + 1, 2) - 0.5, _radical_inverse(index + 1, 3) - 0.5
-
-
-def _radical_inverse(number: int, base: int) -> float:
-    value, place = 0.0, 1.0 / base
-    while number:
-        number, digit = divmod(number, base)
-        value += digit * place
-        place /= base
-    return value

@@ -128,9 +128,6 @@ def frame_uniforms(
     if any(Slice.output in chosen.outputs for chosen in ready.plan.passes):
         own = next((output for output in outputs if isinstance(output, Slice)), None)
         uniforms |= (own or Slice.facing(ready.plan.given, given)).uniforms(origin)
-    for chosen in ready.plan.passes:
-        if chosen.effect is not None:  # no uniforms of a program, but numbers of its stages
-            uniforms |= {f"{chosen.name}.{name}": v for name, v in chosen.effect.numbers(values).items()}
     for name, uniform in ready.shader.parameters.items():
         twin = ready.plan.twins.get(name)  # a parameter or time
         moving = twin is not None and twin.op == "time"

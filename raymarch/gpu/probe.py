@@ -256,7 +256,7 @@ class _Drawing:
         size = renderer.size
         pose = made.given.pose(values, size[0] / size[1])
         # the rays evaluate the field at the camera too, where it may be at fault
-        self.uniforms = {**renderer.uniforms(self.ready, values, pose), "u_start": (0.0, 0.0, 0.0, 0.0)}
+        self.uniforms = {**renderer.inputs(self.ready, values, pose).uniforms, "u_start": (0.0, 0.0, 0.0, 0.0)}
         self.target: Target = renderer.resources.target(self.chosen.name, size, self.chosen.textures)
         self.program: Program = renderer.resources.program(self.ready, self.chosen.name)[0]
         self.clock = renderer.clock

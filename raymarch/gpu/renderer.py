@@ -20,8 +20,10 @@ from raymarch.gpu import vouch
 from raymarch.gpu.budget import Budget
 from raymarch.gpu.clock import Clock
 from raymarch.gpu.context import Context, open_context
-from raymarch.gpu.draw_calls import DrawCall, Drawing, History, count_draws
+from raymarch.gpu.draw_calls import DrawCall, Drawing, count_draws
 from raymarch.gpu.frame import Frame, Timing, not_rendered
+from raymarch.gpu.frame_inputs import FrameInputs
+from raymarch.gpu.history import History
 from raymarch.gpu.part import Part, prepared_part
 from raymarch.gpu.prepare import Prepared, Wanted, assembled, frame_uniforms, name_of, passes_for
 from raymarch.gpu.program import in_pass
@@ -225,7 +227,7 @@ class Renderer:
             own = picture.scene is scene
             found = self._passes(picture, self.history if own else History("silhouette "), *limits)
             if "color" in found[0] and own and scene.quality.temporal != "off":
-                samples = min(max(samples, self.history.samples), MOST_SAMPLES)
+                samples = min(max(samples, self.history.mean.samples), MOST_SAMPLES)
             return found
 
         def render_for(name: str, scene: Scene = scene, wanted: str = "") -> tuple[dict[str, Unread], list[Timing]]:
@@ -239,8 +241,8 @@ class Renderer:
 
         unread, timings = passes(picture, progress, within)
         ready, history = self.prepared(scene, picture.outputs, picture.part), self.history
-        complete = scene.quality.steps_per_pass is None or history.arrived
-        complete = complete and (history.lighted or "color" not in ready.texts)
+        complete = scene.quality.steps_per_pass is None or history.march.arrived
+        complete = complete and (history.light.complete or "color" not in ready.texts)
         broken = violations(ready.plan.conditions, values)
 
         def color_of(scene: Scene) -> NDArray[np.float32]:
@@ -257,8 +259,19 @@ class Renderer:
             return covered, (1.0 - np.clip(covered, 0.0, 1.0))[..., None] * behind
 
         frame = Frame(
-            *(size, values.time, timings, {}, render_for, scene.tone, complete, pose, broken),
-            *(partial(self._doubts, scene, ready, values), transparency, bool(scene.post), unread),
+            size=size,
+            time=values.time,
+            timings=timings,
+            _arrays={},
+            _render=render_for,
+            tone=scene.tone,
+            complete=complete,
+            pose=pose,
+            warnings=broken,
+            _doubts=partial(self._doubts, scene, ready, values),
+            _transparency=transparency,
+            spread=bool(scene.post),
+            _unread=unread,
         )
         if not self.strict:
             vouch.warn(broken)
@@ -291,9 +304,9 @@ class Renderer:
         picture."""
         small = vouch.sparse_size(self.size)
         plain = scene.quality.replace(**SINGLE_PASS, samples=2)  # which start where the cone of their pixel ended
-        ready, uniforms = self._ready(_Picture(scene.replace(quality=plain), values, pose, ("done",), self.size))
-        uniforms["u_resolution"] = small
-        draw_calls = list(_named(Drawing(self.resources, ready, uniforms, small, History())))
+        ready, inputs = self._ready(_Picture(scene.replace(quality=plain), values, pose, ("done",), self.size))
+        inputs = inputs.with_uniforms({"u_resolution": small})
+        draw_calls = list(_named(Drawing(self.resources, ready, inputs, small, History())))
         for call in draw_calls:
             with in_pass(call.chosen.name):
                 call.draw()
@@ -327,19 +340,17 @@ class Renderer:
         """As `draw_calls`, one at a time: draw each one before requesting the next.
 
         budget : the time of a frame that is split by Quality(steps_per_pass=..., lights_per_pass=...). Add the time of
-            each draw call to it. What does not fit is left to the next frame; `history.arrived` then tells whether all
-            rays have terminated, and `history.lighted` whether all light is added.
+            each draw call to it. What does not fit is left to the next frame; `history.march.arrived` then tells
+            whether all rays have terminated, and `history.light.complete` whether all light is added.
         """
         yield from _named(self._drawing(self._picture(scene, params, time, outputs, pose), self.history, budget))
 
     def _drawing(self, picture: _Picture, history: History, budget: Budget | None) -> Drawing:
-        ready, uniforms = self._ready(picture)
+        ready, inputs = self._ready(picture)
         at = self._shutter(ready, picture)
         if at is not None:  # samples depend on values that may have no effect at the frame's time
-            values = picture.values
-            uniforms |= {f"shutter.{name}": value for name, value in values.params.items()}
-            uniforms["shutter"] = (ready.plan.given.camera.open_seconds(values), values.time)
-        return Drawing(self.resources, ready, uniforms, self.size, history, budget, at, picture.part)
+            inputs = replace(inputs, opening=(ready.plan.given.camera.open_seconds(picture.values), picture.values))
+        return Drawing(self.resources, ready, inputs, self.size, history, budget, at, picture.part)
 
     def adopt(self, scene: Scene, prepared: Prepared, outputs: Sequence[Wanted] = ("color",)) -> None:
         """Cache a scene that was prepared elsewhere, for example in another thread."""
@@ -383,46 +394,49 @@ class Renderer:
         if driver.is_software:
             check_compile_time(seconds, operations, shapes, scene, driver.renderer)
 
-    def _ready(self, picture: _Picture) -> tuple[Prepared, dict[str, Any]]:
-        """The plan of a frame and the uniforms of all its passes."""
+    def _ready(self, picture: _Picture) -> tuple[Prepared, FrameInputs]:
+        """The plan of a frame and the inputs of all its passes."""
         self._refuse_closed()
         ready = self.prepared(picture.scene, picture.outputs, picture.part)
         self._refuse_lacking(ready)
-        return ready, self.uniforms(ready, picture.values, picture.pose, picture.outputs, picture.size)
+        return ready, self.inputs(ready, picture.values, picture.pose, picture.outputs, picture.size)
 
-    def uniforms(
+    def inputs(
         self,
         ready: Prepared,
         values: Values,
         pose: Pose,
         outputs: Sequence[Wanted] = (),
         size: tuple[int, int] | None = None,
-    ) -> dict[str, Any]:
-        """The uniforms of all passes of a prepared scene for one frame, including its data textures.
+    ) -> FrameInputs:
+        """The inputs of all passes of a prepared scene for one frame, including its data textures.
 
         size : of the whole picture; None is the renderer's.
         """
+        plan, found = ready.plan, None
         uniforms = frame_uniforms(ready, values, size or self.size, pose, outputs)
-        with in_pass(*(chosen.name for chosen in ready.plan.passes)), bound(values.params, values.time):
+        effects = {each.name: each.effect.numbers(values) for each in plan.passes if each.effect is not None}
+        with in_pass(*(chosen.name for chosen in plan.passes)), bound(values.params, values.time):
             uniforms.update({name: self.resources.texture(data) for name, data in ready.shader.samples.items()})
-            if ready.plan.lights_as_data:
-                scene, facts = ready.plan.scene, ready.plan.scene.node.facts
-                balls = lights.balls(scene, values) if ready.plan.lights_in_cells else None
-                uniforms |= self.resources.lights(lights.rows(scene, values), balls, facts.lower, facts.upper)
-        return uniforms
+            if plan.lights_as_data:
+                facts = plan.scene.node.facts
+                balls = lights.balls(plan.scene, values) if plan.lights_in_cells else None
+                found = self.resources.lights(lights.rows(plan.scene, values), balls, facts.lower, facts.upper)
+                uniforms.update(found.uniforms)
+        return FrameInputs(uniforms, effects, found)
 
-    def _shutter(self, ready: Prepared, picture: _Picture) -> Callable[[float], Mapping[str, Any]] | None:
-        """The uniforms while the shutter is open, for `Drawing`. The pose of the scene's camera moves with it."""
+    def _shutter(self, ready: Prepared, picture: _Picture) -> Callable[[float], FrameInputs] | None:
+        """The inputs while the shutter is open, for `Drawing`. The pose of the scene's camera moves with it."""
         scene, values, aspect = ready.plan.given, picture.values, picture.size[0] / picture.size[1]
         if not scene.motion_blur:
             return None
         seconds = scene.camera.open_seconds(values)
         follows = picture.pose.same(scene.pose(values, aspect))
 
-        def at(share: float) -> Mapping[str, Any]:
+        def at(share: float) -> FrameInputs:
             then = replace(values, time=values.time + share * seconds)
             pose = scene.pose(then, aspect) if follows else picture.pose
-            return self.uniforms(ready, then, pose, picture.outputs, picture.size)
+            return self.inputs(ready, then, pose, picture.outputs, picture.size)
 
         return at
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time as clock_time
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
@@ -18,6 +18,7 @@ from raymarch.expr.samples import Samples
 from raymarch.expr.tables import LiveTable, Table
 from raymarch.expr.texels import Texels
 from raymarch.gpu.context import Context
+from raymarch.gpu.frame_inputs import LightInputs
 from raymarch.gpu.prepare import Prepared
 from raymarch.gpu.program import FULL_SCREEN, Program, in_pass
 from raymarch.gpu.targets import PingPong, Target, upload, upload_pyramid
@@ -74,12 +75,8 @@ def check_compile_time(seconds: float, operations: int, shapes: int, scene: Scen
 Kind = TypeVar("Kind", Target, PingPong)
 
 
-def _textures(uniforms: Mapping[str, Any]) -> list[moderngl.Texture]:
-    return [value for value in uniforms.values() if isinstance(value, moderngl.Texture)]
-
-
-def _free_lights(uniforms: Mapping[str, Any]) -> None:
-    for texture in _textures(uniforms):
+def _free_lights(lights: LightInputs) -> None:
+    for texture in lights.uniforms.values():
         texture.release()
 
 
@@ -100,7 +97,7 @@ class ResourceCache:
         self._textures: OrderedDict[str, moderngl.Texture | moderngl.Texture3D] = OrderedDict()
         self._bytes: dict[str, int] = {}
         self._counter: Program | None = None
-        self._lights: list[tuple[Any, dict[str, Any]]] = []
+        self._lights: list[tuple[Any, LightInputs]] = []
         self._all_kept = False
 
     @contextmanager
@@ -200,21 +197,21 @@ class ResourceCache:
 
     def lights(
         self, rows: NDArray[np.float32], balls: NDArray[np.float64] | None, lower: Any, upper: Any
-    ) -> Mapping[str, Any]:
-        """The textures of the lights of this frame, the rows, by which frames are compared, and the largest number of
-        lights that a surface has. The textures of the frame before stay valid.
+    ) -> LightInputs:
+        """The lights of this frame as textures. The textures of the frame before stay valid.
 
         balls : for a grid of cells, see `light_cells.build`; None for no grid. lower, upper : the box of all surfaces.
         """
         content = (rows.shape, rows.tobytes(), b"" if balls is None else balls.tobytes())
-        found = next((uniforms for known, uniforms in self._lights if known == content), None)
+        found = next((made for known, made in self._lights if known == content), None)
         others = [kept for kept in self._lights if kept[1] is not found]
         with self.context.bound():
             if found is None:
-                found = {"u_lights": self._texels(rows), "light_rows": rows, "light_turns": len(rows)}
+                textures, most = {"u_lights": self._texels(rows)}, len(rows)
                 if balls is not None:
                     cells = light_cells.build(balls, np.asarray(lower), np.asarray(upper))
-                    found |= {"u_light_cells": self._texels(cells.texels), "light_turns": cells.most}
+                    textures["u_light_cells"], most = self._texels(cells.texels), cells.most
+                found = LightInputs(textures, rows, most)
             while len(others) > 1 and not self._all_kept:
                 _free_lights(others.pop(0)[1])
         self._lights = [*others, (content, found)]
@@ -227,7 +224,7 @@ class ResourceCache:
 
     def has_lights(self, texture: object) -> bool:
         """True if a texture of lights is still cached."""
-        return any(kept["u_lights"] is texture for _, kept in self._lights)
+        return any(kept.uniforms["u_lights"] is texture for _, kept in self._lights)
 
     def free_targets(self, *keep: str) -> None:
         """Free all targets except those named in `keep`; they are recreated on demand."""
@@ -241,7 +238,7 @@ class ResourceCache:
         return {
             "programs": len(self._programs),
             "targets": sum(targets),
-            "data": len(self._textures) + sum(len(_textures(made)) for _, made in self._lights),
+            "data": len(self._textures) + sum(len(made.uniforms) for _, made in self._lights),
         }
 
     def release(self) -> None:

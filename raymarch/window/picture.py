@@ -126,10 +126,10 @@ class Picture:
             drawn.append(call)
         budget.add(self._clocked(lambda: None, wait=True))
         marched = sum(call.chosen.name == "march" for call in drawn)
-        history = renderer.history
-        share = 1.0 if history.arrived or marched == 0 else marched / passes
-        self._lights = None if history.lighted else (history.lit, history.lights)
-        return budget.spent, compiled, drawn, share if history.lighted else share * max(history.lit, 1) / history.lights
+        light = renderer.history.light
+        share = 1.0 if renderer.history.march.arrived or marched == 0 else marched / passes
+        self._lights = None if light.complete else (light.added, light.count)
+        return budget.spent, compiled, drawn, share if light.complete else share * max(light.added, 1) / light.count
 
     def _clocked(self, draw: Callable[[], None], *, wait: bool) -> float:
         """Time of a draw in milliseconds; with `wait`, until the device has finished."""

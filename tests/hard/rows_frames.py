@@ -125,7 +125,7 @@ def _sample(world: World, i: int) -> np.ndarray:
         each.draw()
     from dataclasses import replace
 
-    from raymarch.gpu.draw_calls import r2
+    from raymarch.gpu.sequences import r2
 
     replace(call, uniforms={**call.uniforms, "u_keep": False, "u_jitter": r2(i), "u_sample": i}).draw()
     return call.target.read()[..., :3].astype(np.float64)

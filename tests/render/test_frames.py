@@ -37,7 +37,7 @@ def test_a_frame_without_a_picture_leaves_the_mean_to_its_own_picture(egl: Conte
         np.testing.assert_array_equal(renderer.render(scene, 1.0).color, alone(egl, scene, time=1.0))
         renderer.render(scene, 0.5, outputs=("depth",))
         renderer.render(scene, 1.0)
-        assert renderer.history.samples == 2, "the mean goes on"
+        assert renderer.history.mean.samples == 2, "the mean goes on"
 
 
 @pytest.mark.parametrize("moves", ["shutter", "amplitude"])

@@ -151,7 +151,7 @@ def test_light_of_several_frames_makes_the_picture_of_one(
             break
     samples, arrives = more.get("samples", 1), "steps_per_pass" in more
     drawn = [timing.name for frame in frames for timing in frame.timings]
-    assert renderer.history.lights == count
+    assert renderer.history.light.count == count
     assert arrives or len(frames) == samples * (-(-count // each) - 1) + 1  # the next sample begins in the same frame
     assert drawn.count("surface") == samples or arrives
     assert all([t.name for t in frame.timings].count("light") == 1 for frame in frames[-2:])

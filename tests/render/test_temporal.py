@@ -15,9 +15,9 @@ from raymarch import glsl
 from raymarch.expr.hashing import PCG_GLSL, pcg
 from raymarch.gpu import draw_calls
 from raymarch.gpu.context import Context
-from raymarch.gpu.draw_calls import halton, r2
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.renderer import Renderer
+from raymarch.gpu.sequences import halton, r2
 from raymarch.gpu.targets import Target
 from raymarch.plan import marching
 from raymarch.plan.marching import SINGLE

@@ -59,7 +59,7 @@ def test_a_moving_picture_marches_no_longer_than_its_budget(renderer: rm.Rendere
     try:
         picture.step(shot_of(scene, moved=0.3), SIZE, still=False)
         picture.step(shot_of(scene), SIZE, still=False)
-        assert renderer.history.marched == 1 and not renderer.history.arrived
+        assert renderer.history.march.passes == 1 and not renderer.history.march.arrived
         while picture.step(shot_of(scene), SIZE, still=True):
             pass
         assert picture.whole and picture.canvas is not None
