@@ -102,10 +102,16 @@ class Plan(Asked, Fields, Surfaces, Drawn):
             "SHOWS": bool(lights.visible(self.scene)),
             "STANDALONE": self.standalone,
             "ESTIMATE": not self.certified,
+            "HALVED": self._halves,
             "UNDIVIDED": self.undivided is not None and any(map(reads_field, self.scene.lights)),
             "UNCOUNTED": not any(p.counts for p in self.passes),
         }
         return marching.variants_of(self.scene) | {name for name, called in used.items() if called}
+
+    @property
+    def _halves(self) -> bool:
+        """True if soft shadows take half of the distance, because two spheres of the field that meet prove nothing."""
+        return self.undivided is not None or self.marching.tracer == "plain" or not self.certified
 
     @property
     def hoisted(self) -> Mapping[str, Expr]:

@@ -219,11 +219,10 @@ class Light(Part):
         shadow, which is the cheapest.
     penumbra : method for soft shadows.
 
-        - "two-sided": the fraction of the light's disc that the nearest obstacle leaves visible. The obstacle is taken
-          as a straight edge. The fraction is one half at the edge of the geometry, which is correct. Obstacles
-          thinner than the disc let light through.
+        - "two-sided": the fraction of the light's disc that obstacles leave visible, from the clearance of one ray, and
+          of six more in penumbras. It is one half at the edge of the geometry, and 0 behind what is thin and wide.
         - "cone": the smallest clearance over the radius of the disc (Quilez 2008). It is dark already at the edge of
-          the geometry, and behind every obstacle.
+          the geometry.
         - "triangulated": as "cone", with the clearance between two samples estimated (Aaltonen 2018).
         - "sampled": a hard shadow of one random point of the light. It is correct for all obstacles, and for
           highlights. It is noisy: it needs `Quality(samples=...)` or several frames.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -186,77 +185,189 @@ def soft_visibility(
     box: Facts,
     near: Array,
     end: Array,
-    divisor: float = 1.0,
+    divisor: float | None = None,
 ) -> Array:
     """Visible fraction of a soft light along each ray, (N,), by a method of `penumbra`.
 
-    width : sine of the light's angular radius, (N,). field : distances, positive outside; over the divisor they are
-    safe steps. near : start of the rays, > 0. end : distance of the light.
+    width : sine of the light's angular radius, (N,). field : distances, positive outside. near : start of the rays,
+    > 0. end : distance of the light. divisor : of safe steps, which are half of the distance over it; None if spheres
+    of the field are proven to be empty.
 
-    These forms approximate the visible fraction of the disc. They are evaluated with the steps of the shader, in
-    float64. `tests/truth/test_truth_soft_shadows.py` measures their errors against the disc.
+    These forms approximate the visible fraction of the disc. They follow the modules `light/two_sided` and `clearance`
+    of the shader, in float64. `python -m tests.lab.penumbras` measures their errors against the disc.
     """
-    s, stop = _inside_cone(rays, box, width, near, end)
-    rule = {"two-sided": _TwoSided, "cone": _Cone, "triangulated": _Triangulated}[penumbra](len(end))
+    width = np.minimum(width, 0.999)
+    start, stop = _inside_cone(rays, box, width, near, end)
+    if penumbra == "triangulated":
+        return _triangulated(field, rays, start, stop, width, near, divisor or 1.0)
+    cones = _Cones(field, rays, 0.125 * near if penumbra == "cone" else 0.0 * near, divisor)
+    every = np.flatnonzero(start < stop)
+    visible = np.ones(len(width))
+    middle, free = cones.clearance(
+        every, rays.directions[every], start[every], stop[every], width[every], penumbra != "cone"
+    )
+    if penumbra == "cone":
+        visible[every] = np.maximum(middle, 0.0)
+        return visible
+    edge = np.maximum(_beside_edge(middle), 0.0)
+    visible[every] = edge
+    part = np.abs(middle) <= 0.95
+    rows, middle, edge = every[part], middle[part], edge[part]
+    start, stop = (end[part] for end in free)
+    counted, rise = _share(middle / 0.7), np.zeros((len(rows), 2))
+    for place in _HEXAGON:
+        aside = _beside_axis(rays.directions[rows], place * width[rows, None])
+        found = cones.clearance(rows, aside, start, stop, 0.7 * width[rows], False)[0]
+        rise += np.maximum(found, 0.0)[:, None] * place
+        counted += _share(found)
+    sided = np.linalg.norm(rise, axis=1)
+    rise /= np.maximum(sided, 1e-6)[:, None]
+    expected = _share(middle / 0.7) + sum(_share((middle + rise @ place) / 0.7) for place in _HEXAGON)
+    expected = np.clip(expected, 0.02, 0.98)
+    odds = np.clip(edge * (1.0 - expected) / (expected * (1.0 - edge)), 0.5, 6.0)
+    odds = 2.0 + _smooth(sided / 0.7) * (odds - 2.0)
+    counted = odds * counted / (1.0 + (odds - 1.0) * counted)
+    counted = np.where(middle > 0.0, np.maximum(counted, 2.0 * edge - 1.0), counted)
+    share = _smooth((np.abs(middle) - 0.5) / 0.4)
+    visible[rows] = (1.0 - share) * counted + share * edge
+    return visible
+
+
+def _smooth(x: Array) -> Array:
+    """`smoothstep` from 0 to 1."""
+    x = np.clip(x, 0.0, 1.0)
+    return np.asarray(x * x * (3.0 - 2.0 * x))
+
+
+_HEXAGON = 0.92 * np.stack([np.cos(np.arange(1, 7) * math.pi / 3.0), np.sin(np.arange(1, 7) * math.pi / 3.0)], axis=1)
+
+
+def _triangulated(
+    field: Callable[[Array], Array], rays: Rays, s: Array, stop: Array, width: Array, near: Array, divisor: float
+) -> Array:
+    """The visible fractions by the module `light/triangulated`: the least clearance, with that between samples."""
+    least, last, before = np.ones(len(s)), np.zeros(len(s)), np.ones(len(s))
     row = np.flatnonzero(s < stop)
     for _ in range(MAX_STEPS):
         if not row.size:
             break
-        r = field(rays.at(row, s[row]))
-        s[row] += rule.step(row, r, r / divisor, s[row], width[row], near[row])
-        row = row[(rule.least[row] > -1.0) & (s[row] < stop[row])]
-    return rule.visibility()
-
-
-class _Cone:
-    """The smallest clearance over the disc's radius so far, from -1 (fully occluded) to 1; (N,)."""
-
-    def __init__(self, n: int) -> None:
-        self.least = np.ones(n)
-
-    def step(self, row: NDArray[Any], r: Array, safe: Array, s: Array, width: Array, near: Array) -> Array:
-        """Update with the distances r at s on some rays, and safe steps there; returns the length of the next step."""
-        least = np.minimum(self.least[row], r / (width * s))
-        self.least[row] = np.where(r <= 0.125 * near, -1.0, least)
-        return safe
-
-    def visibility(self) -> Array:
-        """Visible fraction of the light, (N,)."""
-        result: Array = np.maximum(self.least, 0.0)
-        return result
-
-
-class _Triangulated(_Cone):
-    """`_Cone` with the clearance between samples estimated; `last` is the previous distance, 0 for none."""
-
-    def __init__(self, n: int) -> None:
-        super().__init__(n)
-        self.last, self.before = np.zeros(n), np.ones(n)
-
-    def step(self, row: NDArray[Any], r: Array, safe: Array, s: Array, width: Array, near: Array) -> Array:
-        last = self.last[row]
-        z = np.where(last > 0.0, self.before[row], 1.0)
-        back = np.where(last > 0.0, 0.5 * (z + (r - last) * (r + last) / z), 0.0)
+        r, back, z = field(rays.at(row, s[row])), last[row], before[row]
+        back = np.where(back > 0.0, 0.5 * (z + (r - back) * (r + back) / z), 0.0)
         back = np.where((back < 0.0) | (back > np.minimum(z, np.abs(r))), 0.0, back)
-        found = np.sqrt(np.maximum(r * r - back * back, 0.0)) / (width * np.maximum(s - back, near))
-        self.least[row] = np.where(r <= 0.125 * near, -1.0, np.minimum(self.least[row], found))
-        self.last[row], self.before[row] = r, safe
-        return safe
+        found = np.sqrt(np.maximum(r * r - back * back, 0.0)) / (width[row] * np.maximum(s[row] - back, near[row]))
+        least[row] = np.where(r <= 0.125 * near[row], 0.0, np.minimum(least[row], found))
+        last[row], before[row] = r, r / divisor
+        s[row] += r / divisor
+        row = row[(least[row] > 0.0) & (s[row] < stop[row])]
+    return least
 
 
-class _TwoSided(_Cone):
-    """`_Cone` with signed clearance: negative inside of an occluder."""
+def _beside_edge(c: Array) -> Array:
+    """The fraction of a disc that a straight edge leaves visible, at a fraction of its radius from its middle."""
+    c = np.clip(c, -1.0, 1.0)
+    return np.asarray(0.5 + (c * np.sqrt(1.0 - c * c) + np.arcsin(c)) / np.pi)
 
-    def step(self, row: NDArray[Any], r: Array, safe: Array, s: Array, width: Array, near: Array) -> Array:
-        reach = width * s
-        self.least[row] = np.maximum(np.minimum(self.least[row], r / reach), -1.0)
-        result: Array = np.maximum(np.maximum(0.5 * np.abs(safe), safe - width * (s + safe)), 0.05 * reach)
-        return result
 
-    def visibility(self) -> Array:
-        r = self.least
-        result: Array = 0.5 + (r * np.sqrt(1.0 - r * r) + np.arcsin(r)) / np.pi
-        return result
+def _share(clearance: Array) -> Array:
+    """The share of a ray of seven that has a clearance, from 0 to 1."""
+    return np.asarray(np.maximum(2.0 * _beside_edge(clearance) - 1.0, 0.0) / 7.0)
+
+
+def _beside_axis(axis: Array, beside: Array) -> Array:
+    """Unit directions beside others, (N, 3), by sines to the right and up, (N, 2), as in `light/two_sided`."""
+    x, y, z = axis.T
+    zero = np.zeros_like(x)
+    steep = np.abs(y) >= 0.7
+    right = np.where(steep, np.stack((zero, z, -y)), np.stack((z, zero, -x))).T
+    right /= np.linalg.norm(right, axis=1, keepdims=True)
+    along = np.sqrt(1.0 - np.sum(beside * beside, axis=1, keepdims=True))
+    result: Array = beside[:, :1] * right + beside[:, 1:] * np.cross(axis, right) + along * axis
+    return result
+
+
+@dataclass(frozen=True)
+class _Cones:
+    """Cones that are marched through a field; see `soft_visibility`. near : distance of a hit."""
+
+    field: Callable[[Array], Array]
+    rays: Rays
+    near: Array
+    divisor: float | None
+
+    def clearance(
+        self, rows: NDArray[np.int64], directions: Array, start: Array, stop: Array, width: Array, deep: bool
+    ) -> tuple[Array, tuple[Array, Array]]:
+        """The least clearance of some rays, (n,), and the parts of them in which anything reaches into their cones.
+
+        directions, start, stop, width : of these rays. deep : whether to march on in solids, and return minus the depth
+        as a fraction of the radius.
+        """
+        n = len(rows)
+        least, depth, slope = np.ones(n), np.zeros(n), np.full(n, 0.9)
+        t, z, r = start.copy(), np.zeros(n), np.zeros(n)
+        undone, met, left = np.zeros(n, bool), np.zeros(n, bool), np.ones(n, bool)
+        first, last = start.copy(), stop.copy()
+        for _ in range(MAX_STEPS):
+            k = np.flatnonzero(left)
+            if not k.size:
+                break
+            s = t[k] + z[k]
+            d = self.field(self.rays.origins[rows[k] if len(self.rays.origins) > 1 else 0] + s[:, None] * directions[k])
+            radius = width[k] * s
+            leapt = (z[k] > r[k] + np.abs(d)) & ~undone[k] & ~met[k] & (z[k] > 0.0) & (self.divisor is None)
+            hit = met[k] | ((d <= np.maximum(self.near[rows[k]], 0.02 * radius)) & ~(leapt & deep))
+            self._inside(k[hit], d[hit], s[hit], radius[hit], stop, (t, z, depth, met, left), deep)
+            last[k[hit]] = stop[k[hit]]
+            k, s, d, radius, leapt = k[~hit], s[~hit], d[~hit], radius[~hit], leapt[~hit]
+            here = np.where(leapt, least[k], np.minimum(least[k], d / radius))
+            sine = 0.9375 * here * width[k]
+            before, after = (r[k], d) if self.divisor else (_half_chord(r[k], t[k], sine), _half_chord(d, s, sine))
+            if self.divisor is None:
+                again = ~undone[k] & (before + after < z[k] * np.sqrt(1.0 - sine * sine)) & (z[k] > 0.0)
+                chords = _half_chord(r[k], t[k], width[k]) + _half_chord(d, s, width[k])
+                clear = (d >= radius) & (chords >= z[k] * np.sqrt(1.0 - width[k] ** 2))
+            else:
+                again, clear = np.zeros(len(k), bool), d >= 2.0 * radius
+            least[k] = here
+            undone[k] = again
+            rise = after - before
+            redo, k, s, d, clear, rise = k[again], k[~again], s[~again], d[~again], clear[~again], rise[~again]
+            z[redo] = _alone(r[redo], t[redo], 0.9375 * least[redo] * width[redo])
+            slope[k] = np.where(z[k] > 0.0, np.clip(rise / np.where(z[k] > 0.0, z[k], 1.0), -1.0, 0.99), slope[k])
+            t[k], r[k] = s, d
+            first[k] = np.where(least[k] >= 1.0, s, first[k])
+            last[k] = np.where(clear, np.minimum(last[k], s), stop[k])
+            if self.divisor is None:
+                sine = 0.9375 * least[k] * width[k]
+                chord, cosine = _half_chord(d, s, sine), np.sqrt(1.0 - sine * sine)
+                ahead = np.maximum(1.98 * chord / np.maximum(cosine - slope[k], 0.01), -slope[k] * d)
+                alone, z[k] = chord / cosine, np.minimum(ahead, stop[k] - s)
+            else:
+                z[k] = alone = 0.5 * d / self.divisor
+            left[k] = s + alone < stop[k]
+        return np.where(met, -np.minimum(depth, 1.0), least), (first, last)
+
+    @staticmethod
+    def _inside(
+        k: NDArray[np.int64], d: Array, s: Array, radius: Array, stop: Array, state: tuple[Array, ...], deep: bool
+    ) -> None:
+        """The next steps of rays k that are in solids, at s."""
+        t, z, depth, met, left = state
+        depth[k] = np.maximum(depth[k], -d / radius)
+        t[k], z[k] = s, np.maximum(np.abs(d), 0.25 * radius)
+        shallow = (depth[k] < 1.0) & (t[k] + z[k] < stop[k])
+        left[k] = (shallow & ~((met[k] != 0.0) & (d > 0.0))) if deep else False
+        met[k] = True
+
+
+def _half_chord(r: Array, t: Array, sine: Array) -> Array:
+    """Half of the chords that spheres of radius r, about points of the axes at t, cut from the sides of cones."""
+    return np.asarray(np.sqrt(np.maximum(r * r - t * t * sine * sine, 0.0)))
+
+
+def _alone(r: Array, t: Array, sine: Array) -> Array:
+    """The steps that spheres prove alone in cones with given sines of their half angles."""
+    return np.asarray(_half_chord(r, t, sine) / np.sqrt(1.0 - sine * sine))
 
 
 def _inside_cone(rays: Rays, box: Facts, width: Array, near: Array, end: Array) -> tuple[Array, Array]:

@@ -284,7 +284,8 @@ class Surface:
         blocking = self.field.of("shadow")
         if light.soft and not self._has_disc(light):
             side = -1.0 if self.inside else 1.0
-            reading, divisor = blocking.undivided, blocking.divisor
+            reading = blocking.undivided
+            divisor = None if blocking.certified and blocking.divisor == 1.0 else blocking.divisor
             visible[row] = soft_visibility(
                 light.penumbra, width[row], lambda points: side * reading(points), rays, box, offset, end, divisor
             )

@@ -1,45 +1,52 @@
-// Soft shadow: the visible fraction of the light's disc. `width` is the sine of the light's angular radius. The
-// field r relative to the radius of the disc at that distance runs from -1 (fully occluded) to 1 (visible). An occluder
-// with a straight edge then leaves the fraction 1/2 + (r sqrt(1 - r^2) + asin r) / pi of the disc visible.
-// The ray continues inside occluders, where the depth stands for the distance to the edge. The depth is never larger
-// than that distance, so occluders thinner than the disc let light through, unlike in light/cone.
-// Steps skip regions that cannot lower the minimum and are half the distance elsewhere, so that the minimum between two
-// samples is known to a relative error of 1/30. The disc is at least 64 ulp of the coordinates wide, because the field
-// is exact to a few ulp only. A ray that runs out of steps is extrapolated linearly from its last two samples.
+// Soft shadow: the visible fraction of the light's disc. `width` is the sine of its angular radius. A ray to the middle
+// of the disc finds whether any of it is hidden, and whether all of it is: where its clearance is the radius of
+// the disc, and where it is as deep in a solid. Else six more rays go to a hexagon on the disc, in the part of the way
+// where solids reach into the cone. Each counts by its clearance, up to 0.7 of the disc's radius, and a hidden one not
+// at all. So what is thin and wide hides all, and no step is seen in a penumbra.
+// A straight edge at the clearance of the middle, on the side where the others find it, leaves a fraction of the disc
+// that is known, and would be counted as another one. Their ratio of odds corrects what is counted; it is 2 where the
+// rays find no side. Two straight edges beside the middle leave the least that is taken for a gap. Near both ends of
+// the penumbra a straight edge is taken.
+// The disc is at least 64 ulp of the coordinates wide, because the field is exact to a few ulp only.
 float two_sided_shadow(Surface surface, Light light, float width) {
     if (dot(surface.normal, light.direction) <= 0.0 || light.radiance == vec3(0.0)) return 0.0;
     vec2 range;
     Ray ray = shadow_ray(surface, light, range);
     range = scene_cone(ray, range, width);
-    width = max(width, 64.0 * GROWTH);
-    float least = 1.0;
-    float s = range.x;
-    float z = 0.0;
-    float before = 0.0;
-    float r = 0.0;
-    float last = 0.0;
-    for (int i = 0; i < shadow_steps && s < range.y; i++) {
-        last = r;
-#ifdef UNDIVIDED
-        r = u_side * undivided_field(ray.origin + s * ray.direction);
-#else
-        r = u_side * field(ray.origin + s * ray.direction);
-#endif
-        float reach = width * s;
-        least = min(least, r / reach);
-        if (least <= -1.0) return 0.0;
-        before = z;
-#ifdef UNDIVIDED
-        float d = divided(r);
-        z = safe_step(max(max(0.5 * abs(d), d - width * (s + d)), 0.05 * reach), s);
-#else
-        z = safe_step(max(max(0.5 * abs(r), r - width * (s + r)), 0.05 * reach), s);
-#endif
-        s += z;
+    if (range.x >= range.y) return 1.0;
+    width = clamp(width, 64.0 * GROWTH, 0.999);
+    vec3 axis = ray.direction;
+    vec3 right = normalize(abs(axis.y) < 0.7 ? vec3(axis.z, 0.0, -axis.x) : vec3(0.0, axis.z, -axis.y));
+    vec3 up = cross(axis, right);
+    float middle = 0.0;
+    float counted = 0.0;
+    vec2 rise = vec2(0.0);
+    for (int i = 0; i < 7; i++) {
+        vec2 place = ray_of_seven(i);
+        ray.direction = width * (place.x * right + place.y * up);
+        ray.direction += sqrt(1.0 - dot(ray.direction, ray.direction)) * axis;
+        vec2 between = range;
+        float found = clearance(ray, between, 0.0, i == 0 ? width : 0.7 * width, i == 0);
+        if (i == 0) {
+            middle = found;
+            range = between;
+            if (abs(found) > 0.95) break;
+            found /= 0.7;
+        }
+        rise += max(found, 0.0) * place;
+        counted += share_of_seven(found);
     }
-    if (s < range.y) {
-        float end = r + (r - last) / before * (range.y - s + z);
-        least = max(min(least, end / (width * range.y)), -1.0);
+    float edge = max(beside_edge(middle), 0.0);  // asin rounds
+    if (abs(middle) > 0.95) return edge;
+    float sided = length(rise);
+    float expected = 0.0;
+    for (int i = 0; i < 7; i++) {
+        expected += share_of_seven((middle + dot(rise, ray_of_seven(i)) / max(sided, 1.0e-6)) / 0.7);
     }
-    return 0.5 + 0.31830989 * (least * sqrt(1.0 - least * least) + asin(least));
+    expected = clamp(expected, 0.02, 0.98);
+    float odds = clamp(edge * (1.0 - expected) / (expected * (1.0 - edge)), 0.5, 6.0);
+    odds = mix(2.0, odds, smoothstep(0.0, 0.7, sided));
+    float visible = odds * counted / (1.0 + (odds - 1.0) * counted);
+    if (middle > 0.0) visible = max(visible, 2.0 * edge - 1.0);
+    return mix(visible, edge, smoothstep(0.5, 0.9, abs(middle)));
 }

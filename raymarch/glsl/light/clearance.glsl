@@ -1,0 +1,88 @@
+// The march of soft shadows: the least clearance of a ray, as a fraction of the radius of a cone around it, at most
+// 1. `width` is the sine of the cone's half angle, below 1. The clearance is 0 or less where the ray meets a solid:
+// minus the depth that it reaches there, at least -1, if `deep` is true, else 0.
+// Steps are accelerated as those of hard shadows: the next sphere is expected to meet this one, by the slope of the
+// field. The part of the cone that is still in question is free between two spheres if their chords of its side meet. A
+// step for which they do not is undone, and replaced by one that this sphere proves alone. So the clearance is known to
+// 1/16. Fields without proof of their spheres take half of the distance.
+// A ray that runs out of steps is extrapolated to its end. `range` becomes the part in which anything may reach into
+// the cone.
+float clearance(Ray ray, inout vec2 range, float near, float width, bool deep) {
+    float least = 1.0;
+    float t = range.x;
+    float z = 0.0;
+    float r = 0.0;
+#ifndef HALVED
+    float slope = 0.9;
+#endif
+    float rise = 0.0;
+    bool undone = false;
+    float depth = 0.0;
+    bool met = false;
+    float end = range.y;
+    for (int i = 0; i < shadow_steps; i++) {
+        float s = t + z;
+#ifdef UNDIVIDED
+        float d = u_side * undivided_field(ray.origin + s * ray.direction);
+#else
+        float d = u_side * field(ray.origin + s * ray.direction);
+#endif
+        float radius = width * s;
+#ifndef HALVED
+        bool leapt = z > r + abs(d) && !undone && i > 0;
+        bool inside = met || (d <= max(near + GROWTH * s, 0.02 * radius) && !(leapt && deep));
+#else
+        bool inside = met || d <= max(near + GROWTH * s, 0.02 * radius);
+#endif
+        if (inside) {
+            depth = max(depth, -d / radius);
+            t = s;
+            z = max(abs(d), 0.25 * radius);
+            if (!deep || depth >= 1.0 || (met && d > 0.0) || t + z >= end) return -min(depth, 1.0);
+            met = true;
+            range.y = end;
+            continue;
+        }
+#ifndef HALVED
+        float least_here = leapt ? least : min(least, d / radius);
+        float sine = 0.9375 * least_here * width;
+        float proven = half_chord(r, t, sine);
+        float proven_here = half_chord(d, s, sine);
+        float cosine = sqrt(1.0 - sine * sine);
+        if (i > 0 && !undone && proven + proven_here < z * cosine) {
+            undone = true;
+            least = least_here;
+            z = proven / cosine;
+            continue;
+        }
+        if (z > 0.0) slope = clamp((proven_here - proven) / z, -1.0, 0.99);
+        cosine = sqrt(1.0 - width * width);
+        bool clear = d >= radius && half_chord(r, t, width) + half_chord(d, s, width) >= z * cosine;
+#else
+        float least_here = min(least, d / radius);
+        bool clear = d >= 2.0 * radius;
+#endif
+        if (z > 0.0) rise = (d - r) / z;
+        undone = false;
+        least = least_here;
+        t = s;
+        r = d;
+        if (least >= 1.0) range.x = t;
+        range.y = clear ? min(range.y, t) : end;
+#ifndef HALVED
+        sine = 0.9375 * least * width;
+        cosine = sqrt(1.0 - sine * sine);
+        proven = half_chord(r, t, sine);
+        if (t + proven / cosine >= end) return least;
+        z = min(max(1.98 * proven / max(cosine - slope, 0.01), -slope * r), end - t);
+#else
+#ifdef UNDIVIDED
+        z = safe_step(0.5 * divided(r), t);
+#else
+        z = safe_step(0.5 * r, t);
+#endif
+        if (t + z >= end) return least;
+#endif
+    }
+    return met ? -depth : max(min(least, (r + rise * (end - t)) / (width * end)), 0.0);
+}
