@@ -38,7 +38,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from raymarch.expr.curvature import Kinds, kinds_of
-from raymarch.expr.derivative import directional_derivatives, opened, share_values
+from raymarch.expr.derivative import ONE, directional_derivatives, opened, share_values
 from raymarch.expr.function import Function, function
 from raymarch.expr.node import Expr, const, var
 from raymarch.expr.types import FLOAT, VEC2, VEC3
@@ -58,6 +58,9 @@ from raymarch.sdf.visibility import shown
 STRETCH = var("stretch", FLOAT)
 """The stretch of the ray for which leaves with bounds of a stretch are asked; a variable of the shader."""
 
+KEEPING = ("rigid", "select")
+"""Placings of operators that move their child without stretching it; see `raymarch.sdf.definition.Placing`."""
+
 FLATTEST = 1e-20
 """In place of a rate of approach of 0."""
 
@@ -66,6 +69,20 @@ FLATTEST = 1e-20
 def way_above(line: Expr, level: Expr, growth: Expr) -> Expr:
     """How far a line, a value and a slope, stays above a level that grows."""
     return min(max(line.x - level, 0.0) / max(growth - line.y, FLATTEST), FARTHEST)
+
+
+@function(depth=FLOAT, exit=FLOAT, level=FLOAT, growth=FLOAT)
+def way_out(depth: Expr, exit: Expr, level: Expr, growth: Expr) -> Expr:
+    """How far a point that is `depth` deep in a convex solid stays deeper than a level, where the ray leaves the solid
+    at `exit`: the depth is concave, so it lies above its chord."""
+    return min(way_above(vec2(depth, -depth / max(exit, FLATTEST)), level, growth), max(exit, 0.0))
+
+
+@function(first=FLOAT, border=FLOAT, line=VEC2, level=FLOAT, growth=FLOAT, steepest=FLOAT)
+def way_in_pieces(first: Expr, border: Expr, line: Expr, level: Expr, growth: Expr, steepest: Expr) -> Expr:
+    """The advance `first` of a field that is of the form read up to a border, above a line, and Lipschitz beyond."""
+    left = max(line.x + line.y * border - level - growth * border, 0.0)
+    return where(first < border, first, border + left / (steepest + growth))
 
 
 @function(here=FLOAT, there=FLOAT, s=FLOAT)
@@ -205,7 +222,8 @@ def along(definition: Function) -> Function:
 class Ask:
     """A request for the reading of a node at a point, along a direction.
 
-    level, growth : those expected. undivided : of the undivided field. negated : of the complement.
+    speed : length of the direction. level, growth : those expected. undivided : of the undivided field. negated : of
+    the complement.
     """
 
     node: Node
@@ -213,6 +231,7 @@ class Ask:
     direction: Expr
     level: Expr
     growth: Expr
+    speed: Expr = ONE
     undivided: bool = False
     negated: bool = False
 
@@ -225,10 +244,6 @@ class Ask:
         """The largest slope of the field along the ray."""
         facts = self.node.facts
         return const(facts.undivided if self.undivided else facts.lipschitz) * self.speed
-
-    @property
-    def speed(self) -> Expr:
-        return const(1.0) if self.direction.op == "var" else length(self.direction)
 
 
 Work: TypeAlias = Generator[Ask, Reading, Reading]
@@ -335,22 +350,23 @@ class Advancing:
             return of_line(pair.x, Line(pair.x, pair.y))
         if ask.node.definition.name == "plane":
             return of_line(-pair.x, Line(-pair.x, -pair.y))
-        made = self._by_constant(ask, -pair.x, negated=False)
+        made = self._by_constant(ask, pair.x)
         if not has_closed_form(ask.node):
             return made
-        speed = ask.speed
-        ends = interval_of_ray(ask.node, ask.point, ask.direction if speed.is_constant else ask.direction / speed)
-        exit = max(ends.y if speed.is_constant else ends.y / speed, 0.0)
+        unit = ask.speed is ONE
+        ends = interval_of_ray(ask.node, ask.point, ask.direction if unit else ask.direction / ask.speed)
+        exit = ends.y if unit else ends.y / ask.speed
 
         def ahead(level: Expr, growth: Expr) -> Expr:
-            straight = Line(-pair.x, pair.x / max(exit, FLATTEST)).way(level, growth)
-            return max(made.line.way(level, growth), min(straight, exit))
+            way = way_out(made.value, exit, level, growth)
+            # a negative level is met outside of the solid
+            return way if level is ask.level else max(way, made.line.way(level, growth))
 
         return Reading(made.value, made.line, ahead)
 
-    def _by_constant(self, ask: Ask, value: Expr, negated: bool | None = None) -> Reading:
-        """The reading by the Lipschitz constant alone."""
-        value = -value if (ask.negated if negated is None else negated) else value
+    def _by_constant(self, ask: Ask, value: Expr) -> Reading:
+        """The reading of a value, or of its negative if that is asked, by the Lipschitz constant alone."""
+        value = -value if ask.negated else value
         return of_line(value, Line(value, -ask.steepest))
 
     def _field(self, ask: Ask) -> Function:
@@ -410,13 +426,14 @@ class Advancing:
         known = scope.actual | {direction: ask.direction}
         rate, *ways = substitute([rate, *ways], known)
         scope.borders += [way for way in ways if way not in scope.borders]
-        node = scope.ask.node
+        node = ask.node
         children = flattened(node) if node.definition.associative else node.children
         return replace(
             ask,
             node=children[part.data],
             point=scope.actual[part.args[0]],
             direction=rate,
+            speed=ask.speed if node.placed_as in KEEPING or rate is ask.direction else length(rate),
             undivided=scope.below,
             negated=negated,
         )
@@ -513,9 +530,8 @@ def _in_pieces(ask: Ask, found: Reading, border: Expr) -> Reading:
     steepest = ask.steepest
 
     def ahead(level: Expr, growth: Expr) -> Expr:
-        first = found.ahead(level, growth)
-        left = max(found.line.at(border) - level - growth * border, 0.0)
-        return where(first < border, first, border + left / (steepest + growth))
+        line = vec2(found.line.value, found.line.slope)
+        return way_in_pieces(found.ahead(level, growth), border, line, level, growth, steepest)
 
     return Reading(found.value, Line(found.value, -steepest), ahead)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from raymarch.expr.curvature import Kinds
-from raymarch.expr.derivative import directional_derivatives
+from raymarch.expr.derivative import ZERO, directional_derivatives
 from raymarch.expr.function import function
 from raymarch.expr.node import Expr
 from raymarch.expr.types import FLOAT
@@ -64,6 +64,8 @@ def borders(root: Expr, point: Expr, direction: Expr, known: dict[Expr, Kinds]) 
         for gap, offset in gaps:
             rates = directional_derivatives(gap, point, [direction])[0]
             for one, rate in zip(_each(gap), _each(rates), strict=True):
+                if rate is ZERO:  # a number of a piece, such as the index of a cell
+                    continue
                 if offset is None:
                     found[way_to_kink(one, rate)] = None
                 else:
