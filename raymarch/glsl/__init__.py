@@ -48,7 +48,7 @@ class Module:
 VARIANTS = frozenset(
     (
         "ADVANCE ANALYTIC BOUNCES CLIP_PLANES CONES CUTS ESTIMATE HALVED LENS LIT ORTHOGRAPHIC OWN_START PART SAMPLES "
-        "SHOWS STANDALONE UNCOUNTED UNDIVIDED WIDE_CONE"
+        "SHOWS STANDALONE STRETCH UNCOUNTED UNDIVIDED WIDE_CONE"
     ).split()
 )
 """Names of conditional lines that the plan settles: `#ifdef` and `#ifndef` of these are not in the shader. Without

@@ -19,7 +19,7 @@ from raymarch.expr.samples import Samples
 from raymarch.expr.tables import Table
 from raymarch.expr.texels import Texels
 from raymarch.expr.types import Type
-from raymarch.expr.walk import find
+from raymarch.expr.walk import find, free_variables
 from raymarch.plan import lights, marching, shading
 from raymarch.plan.objects import misread, reads_field
 from raymarch.plan.passes import joining, with_cones
@@ -46,6 +46,7 @@ from raymarch.scene.parameter import Spec
 from raymarch.scene.post import PostEffect
 from raymarch.scene.quality import CONTACT, Quality
 from raymarch.scene.scene import Scene, all_nodes, check_scene
+from raymarch.sdf.advance import STRETCH
 from raymarch.sdf.levels import flatness, moved_otherwise
 from raymarch.sdf.lower import Lowering
 
@@ -101,6 +102,7 @@ class Plan(Asked, Fields, Surfaces, Drawn):
             "SAMPLES": self.scene.quality.samples > 1,
             "SHOWS": bool(lights.visible(self.scene)),
             "STANDALONE": self.standalone,
+            "STRETCH": self.stretched,
             "ESTIMATE": not self.certified,
             "HALVED": self._halves,
             "UNDIVIDED": self.undivided is not None and any(map(reads_field, self.scene.lights)),
@@ -206,6 +208,11 @@ class Plan(Asked, Fields, Surfaces, Drawn):
     def advance(self) -> Function | None:
         """The function that tells how far a ray is free; None if the tracer does not ask it."""
         return self.advancing() if self.marching.tracer == "advance" else None
+
+    @cached_property
+    def stretched(self) -> bool:
+        """True if that function has bounds that hold on a stretch of the ray."""
+        return self.advance is not None and STRETCH in free_variables([self.advance.body])
 
     @cached_property
     def choices(self) -> Mapping[str, str]:

@@ -48,18 +48,21 @@ from raymarch.sdf.blends import FAMILIES
 from raymarch.sdf.convexity import hull_of, is_concave_fold, is_convex, known_parts
 from raymarch.sdf.definition import BOUND
 from raymarch.sdf.facts import FARTHEST
-from raymarch.sdf.intersections import has_closed_form, interval_of_ray
+from raymarch.sdf.intersections import interval_of_ray
 from raymarch.sdf.labels import flattened, rows_of
 from raymarch.sdf.lower import Lowering, reading_of
 from raymarch.sdf.node import Node, children_first
 from raymarch.sdf.pieces import borders
 from raymarch.sdf.visibility import shown
 
-STRETCH = var("stretch", FLOAT)
+STRETCH = var("stretch_ahead", FLOAT)
 """The stretch of the ray for which leaves with bounds of a stretch are asked; a variable of the shader."""
 
 KEEPING = ("rigid", "select")
 """Placings of operators that move their child without stretching it; see `raymarch.sdf.definition.Placing`."""
+
+EXITS = ("sphere", "box", "cylinder")
+"""Convex shapes whose exit is found in closed form where they are holes. Those of others cost more than they save."""
 
 FLATTEST = 1e-20
 """In place of a rate of approach of 0."""
@@ -351,7 +354,7 @@ class Advancing:
         if ask.node.definition.name == "plane":
             return of_line(-pair.x, Line(-pair.x, -pair.y))
         made = self._by_constant(ask, pair.x)
-        if not has_closed_form(ask.node):
+        if ask.node.definition.name not in EXITS:
             return made
         unit = ask.speed is ONE
         ends = interval_of_ray(ask.node, ask.point, ask.direction if unit else ask.direction / ask.speed)

@@ -30,6 +30,7 @@ from raymarch.plan import Pass, Plan
 from raymarch.scene.quality import RELAXATION
 from raymarch.scene.relief import footprint_axis, shading_normal
 from raymarch.scene.scene import all_nodes
+from raymarch.sdf.advance import STRETCH
 from raymarch.sdf.labels import rows_of
 from raymarch.shader import kinds
 from raymarch.shader.bounds import marched_range, scene_box, scene_cone
@@ -133,6 +134,7 @@ def assemble(
     values = Values()
     shade = shading(plan, values) if any(p.shades for p in passes) else None
     values.variables |= {"ray_kind"} if plan.hidden else set()
+    values.variables |= {STRETCH.data} if plan.stretched else set()
     setup = Setup(plan, values, inputs) if plan.standalone else None
     roots = _roots(plan, values)
     fixed = _constants(plan)

@@ -18,6 +18,9 @@ float hard_shadow(Surface surface, Light light) {
     float rise = clamp(dot(geometric_normal(surface), light.direction), -1.0, 0.999);
     March at = March(range.x, 0.0, 0.0, 0.0, rise, 0.0, false, false);
     float slope = 0.0;
+#ifdef STRETCH
+    begin_stretch(range.y - range.x);
+#endif
     for (int i = 0; i < shadow_steps; i++) {
 #ifdef CUTS
         float noise = rounding(ray, at.t);

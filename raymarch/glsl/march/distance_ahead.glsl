@@ -7,6 +7,9 @@ float march_distance(Ray ray, float t) {
     level += u_cone_start;
 #endif
     vec2 found = field_advance(ray.origin + t * ray.direction, ray.direction, level, u_cone + SLOPE_ERROR);
+#ifdef STRETCH
+    adapt_stretch(found.y, level);
+#endif
     return free_way(found, level, u_side);
 #else
 #ifdef ANALYTIC

@@ -18,5 +18,8 @@ float way_ahead(Ray ray, float t, float side) {
 #ifdef ANALYTIC
     if (inside) found.x = min(found.x, solved_field(p));
 #endif
+#ifdef STRETCH
+    adapt_stretch(found.y, level);
+#endif
     return free_way(found, level, side);
 }

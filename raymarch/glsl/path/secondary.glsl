@@ -19,6 +19,9 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
     March at = March(begin, 0.0, 0.0, 0.0, -0.7, 0.0, false, false);
     float slope = 0.0;
     float share = contact_share * epsilon_pixels;
+#ifdef STRETCH
+    begin_stretch(range.y - begin);
+#endif
     for (int i = 0; i < secondary_steps; i++) {
 #ifdef CUTS
         float noise = rounding(ray, at.t);
