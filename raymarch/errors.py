@@ -55,6 +55,28 @@ class Location:
         return printable(f"{self.file}:{self.line}")
 
 
+class Doubt(str):
+    """A reason to doubt a picture, or what was asked for: one sentence, with its parts.
+
+    stage : what knows it: "scene" (options without effect), "plan" (the field and how it is drawn), "values" (of a
+        frame) or "picture". what : the doubt. cure : what to write instead, or "". where : the user's line, if known.
+    """
+
+    stage: str
+    what: str
+    cure: str
+    where: Location | None
+
+    def __new__(cls, stage: str, what: str, cure: str = "", where: Location | None = None) -> Doubt:
+        place, ending = f"{where}: " if where else "", f" ({cure})" if cure else ""
+        made = super().__new__(cls, f"{place}{what}{ending}")
+        made.stage, made.what, made.cure, made.where = stage, what, cure, where
+        return made
+
+    def __getnewargs__(self) -> tuple[Any, ...]:
+        return self.stage, self.what, self.cure, self.where
+
+
 class RaymarchError(Exception):
     """Base class of all errors that a user can mend. `str()` is the complete message.
 

@@ -36,7 +36,7 @@ class Module:
     lines: tuple[str, ...]
     numbers: tuple[int, ...]
 
-    @property
+    @cached_property
     def gives(self) -> frozenset[str]:
         return frozenset(self.declares)
 
@@ -181,7 +181,7 @@ def declarations(text: str) -> tuple[Declared, ...]:
 
 def defined(text: str) -> frozenset[str]:
     """The names of the declarations of a text."""
-    return frozenset(each.name for each in declarations(text))
+    return frozenset([each.name for each in declarations(text)])
 
 
 @lru_cache(1024)

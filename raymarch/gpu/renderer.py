@@ -285,7 +285,8 @@ class Renderer:
         assert pose is not None
         pixels = frame.size[0] * frame.size[1]
         lost, above = frame._count_odd()
-        found = [*frame.warnings, *vouch.contradicted(scene, values), vouch.not_finite(lost, pixels)]
+        found: list[str | None] = [*frame.warnings, *vouch.contradicted(scene, values)]
+        found.append(vouch.not_finite(lost, pixels))
         found += vouch.moved_otherwise(scene, values)
         found += [vouch.noisy(scene), vouch.inside(ready, values, pose), *unused(scene)]
         found.append(vouch.coarse(ready, pose, frame.size[1]))
@@ -297,7 +298,7 @@ class Renderer:
             found.append(vouch.out_of_steps(known.array("done"), scene))
         if vouch.is_sky(frame.color, scene, pose, values) and not np.any(np.isfinite(frame.depth)):
             found.append(vouch.nothing_visible(scene, values))
-        return [doubt for doubt in found if doubt]
+        return [doubt for doubt in found if doubt is not None]
 
     def _sparse(self, scene: Scene, values: Values, pose: Pose) -> Unread:
         """The geometry arrays of a sparse, even subset of the picture's rays, with the pixel footprint of the

@@ -1,4 +1,4 @@
-"""Automatic checks of a rendered picture: each returns a doubt as a sentence, or an empty string."""
+"""Automatic checks of a rendered picture: each returns a doubt, or None."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.errors import RenderWarning, user_location
+from raymarch.errors import Doubt, RenderWarning, user_location
 from raymarch.expr.arrays import bound
 from raymarch.gpu.prepare import Prepared
 from raymarch.plan.objects import misread
@@ -58,27 +58,25 @@ def sparse_size(size: tuple[int, int]) -> tuple[int, int]:
     return -(-size[0] // every), -(-size[1] // every)
 
 
-def nothing_visible(scene: Scene, values: Values) -> str:
-    """The doubt of a picture without a hit. Empty if no part of the scene is bounded at this time and with these
+def nothing_visible(scene: Scene, values: Values) -> Doubt | None:
+    """The doubt of a picture without a hit. None if no part of the scene is bounded at this time and with these
     parameters, since a miss is then plausible."""
     now = scene if scene.subject is not None else scene.replace(node=solid_at(scene.node, values))
     if now.node.facts.empty:
-        return "nothing is visible: the solid is empty"
+        return Doubt("picture", "nothing is visible: the solid is empty")
     if (subject := now.subject) is None:
-        return ""
+        return None
     ends = ["({})".format(", ".join(f"{v:.4g}" for v in end)) for end in (subject.lower, subject.upper)]
-    return f"nothing is visible: no ray hits the solid, which lies between {ends[0]} and {ends[1]}"
+    what = f"nothing is visible: no ray hits the solid, which lies between {ends[0]} and {ends[1]}"
+    return Doubt("picture", what)
 
 
-def contradicted(scene: Scene, values: Values) -> list[str]:
+def contradicted(scene: Scene, values: Values) -> list[Doubt]:
     """Doubts about facts that the user stated and that samples of the field contradict: bounds, spread and others."""
     nodes = [node for node in all_nodes(scene.node) if stated_by_user(node)][:STATED]
     with bound(values.params, values.time):
         found = [(node, sentence) for node in nodes for sentence in quick_contradictions(node)]
-    return [
-        f"{node.where}: {node.name}: {sentence}" if node.where else f"{node.name}: {sentence}"
-        for node, sentence in found
-    ]
+    return [Doubt("values", f"{node.name}: {sentence}", where=node.where) for node, sentence in found]
 
 
 def moved_otherwise(scene: Scene, values: Values) -> list[str]:
@@ -87,70 +85,70 @@ def moved_otherwise(scene: Scene, values: Values) -> list[str]:
         return [*levels.moved_otherwise(scene.node, doubted=True), *misread(scene)]
 
 
-def not_finite(lost: int, pixels: int) -> str:
-    """The doubt of a picture with some pixels whose colours are not finite; empty if all are."""
-    if not lost:
-        return ""
-    return f"{lost} of {pixels} pixels have a colour that is not finite (--view nonfinite)"
+def not_finite(lost: int, pixels: int) -> Doubt | None:
+    """The doubt of a picture with some pixels whose colours are not finite; None if all are."""
+    what = f"{lost} of {pixels} pixels have a colour that is not finite"
+    return Doubt("picture", what, "--view nonfinite") if lost else None
 
 
-def out_of_steps(done: NDArray[np.bool_], scene: Scene) -> str:
-    """The doubt of rays that ran out of steps; empty if at most `OUT_OF_STEPS` of them did."""
+def out_of_steps(done: NDArray[np.bool_], scene: Scene) -> Doubt | None:
+    """The doubt of rays that ran out of steps; None if at most `OUT_OF_STEPS` of them did."""
     share = float(np.mean(~done))
     if share <= OUT_OF_STEPS:
-        return ""
-    steps = scene.quality.camera_steps
-    return f"{share:.1%} of the rays ran out of steps (Quality(max_steps=...), {steps} now; --view iterations)"
+        return None
+    cure = f"Quality(max_steps=...), {scene.quality.camera_steps} now; --view iterations"
+    return Doubt("picture", f"{share:.1%} of the rays ran out of steps", cure)
 
 
-def noisy(scene: Scene) -> str:
+def noisy(scene: Scene) -> Doubt | None:
     """The doubt of path-traced light, a lens, an open shutter or a light of some size with one random path or point a
-    pixel; empty if there are more, or none."""
-    quality = scene.quality
+    pixel; None if there are more, or none."""
+    quality, cure = scene.quality, "--samples 64 or Quality(samples=64)"
     if quality.samples > 1 or quality.temporal != "off":
-        return ""
+        return None
     if scene.camera.lens:
-        return "Camera(aperture=...) is noisy with one ray a pixel (--samples 64 or Quality(samples=64))"
+        return Doubt("picture", "Camera(aperture=...) is noisy with one ray a pixel", cure)
     if scene.motion_blur:
-        return "Camera(shutter=...) shows one moment with one ray a pixel (--samples 64 or Quality(samples=64))"
+        return Doubt("picture", "Camera(shutter=...) shows one moment with one ray a pixel", cure)
     if not scene.path_traced:
         sampled = [light for light in scene.lights if is_sampled(light, scene)]
         if not sampled or quality.light_samples > 1:
-            return ""
+            return None
         name = type(sampled[0]).__name__ + ("" if has_area(sampled[0]) else "(penumbra='sampled')")
-        return f"{name} is noisy with one random point a pixel (--samples 16, or Quality(light_samples=16))"
+        cure = "--samples 16, or Quality(light_samples=16)"
+        return Doubt("picture", f"{name} is noisy with one random point a pixel", cure)
     if not any(m.transmits for m in scene.materials):
-        return "path-traced light is noisy with one random path a pixel (--samples 64 or Quality(samples=64))"
-    return "glass is noisy with one random path a pixel (--samples 64 or Quality(samples=64); or integrator='whitted')"
+        return Doubt("picture", "path-traced light is noisy with one random path a pixel", cure)
+    return Doubt("picture", "glass is noisy with one random path a pixel", f"{cure}; or integrator='whitted'")
 
 
-def inside(ready: Prepared, values: Values, pose: Pose) -> str:
-    """The doubt of a camera in a solid; empty in glass, and if rays start at points of their own."""
+def inside(ready: Prepared, values: Values, pose: Pose) -> Doubt | None:
+    """The doubt of a camera in a solid; None in glass, and if rays start at points of their own."""
     scene = ready.plan.given
     own_starts = pose.half_height or pose.near or pose.aperture
     if ready.distance is None or own_starts or any(m.transmits for m in scene.materials):
-        return ""
+        return None
     with bound(values.params, values.time):
         depth = -float(np.ravel(ready.distance((pose.position - ready.plan.origin)[None])[0])[0])
     if not depth > 0.0:
-        return ""
+        return None
     what = f"the camera is {depth:.3g} deep inside a solid, whose inner side is shown"
-    return f"{what} (move it, or hide the solid: node.visible(camera=False))"
+    return Doubt("values", what, "move it, or hide the solid: node.visible(camera=False)")
 
 
-def coarse(ready: Prepared, pose: Pose, height: int) -> str:
+def coarse(ready: Prepared, pose: Pose, height: int) -> Doubt | None:
     """The doubt of a camera so far from all bounded parts that float32 rounds points by half a pixel or more there."""
     subject = ready.plan.scene.subject
     if subject is None:
-        return ""
+        return None
     position = pose.position - ready.plan.origin
     away = float(np.linalg.norm(np.maximum(np.maximum(subject.lower - position, position - subject.upper), 0.0)))
     rounding = 2.0 * ULP * (float(np.max(np.abs(position))) + away)
     pixels = rounding / float(pose.footprint(away, height)) if away > 0.0 else 0.0
     if pixels < 0.5:
-        return ""
+        return None
     what = f"the camera is {away:.3g} from what it shows, where float32 holds points within {pixels:.2g} pixels"
-    return f"{what} (a nearer camera, as projection='orthographic')"
+    return Doubt("values", what, "a nearer camera, as projection='orthographic'")
 
 
 def overexposed(color: NDArray[Any], scene: Scene) -> NDArray[np.bool_] | None:
@@ -160,18 +158,17 @@ def overexposed(color: NDArray[Any], scene: Scene) -> NDArray[np.bool_] | None:
     return white if np.mean(white) > OVEREXPOSED else None
 
 
-def clipped(white: NDArray[np.bool_], color: NDArray[Any], material: NDArray[Any], scene: Scene) -> str:
-    """The doubt of surfaces whose light is clipped to white; empty if they are few. Emissive materials may be white."""
+def clipped(white: NDArray[np.bool_], color: NDArray[Any], material: NDArray[Any], scene: Scene) -> Doubt | None:
+    """The doubt of surfaces whose light is clipped to white; None if they are few. Emissive materials may be white."""
     emissive = [i for i, m in enumerate(scene.materials) if m.emits]
     lit = white & (material >= 0) & ~np.isin(material, emissive)
     share = float(np.mean(lit))
     if share <= OVEREXPOSED:
-        return ""
+        return None
     stops = float(np.log2(np.quantile(color[lit].max(axis=-1), 0.95))) - float(scene.tone.exposure)
-    return (
-        f"{share:.0%} of the picture is clipped to white surfaces, whose light is above 1 (lights of less intensity, "
-        f"Scene(tone=rm.ToneMapping('aces')) or rm.ToneMapping(exposure={-np.ceil(10.0 * stops) / 10.0:.1f}))"
-    )
+    exposure = f"rm.ToneMapping(exposure={-np.ceil(10.0 * stops) / 10.0:.1f})"
+    cure = f"lights of less intensity, Scene(tone=rm.ToneMapping('aces')) or {exposure}"
+    return Doubt("picture", f"{share:.0%} of the picture is clipped to white surfaces, whose light is above 1", cure)
 
 
 def is_sky(color: NDArray[Any], scene: Scene, pose: Pose, values: Values) -> bool:

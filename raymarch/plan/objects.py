@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from raymarch.errors import Doubt
 from raymarch.expr.arrays import Remembered, bound
 from raymarch.expr.derivative import gradient, state_gradient
 from raymarch.expr.function import Function, loop
@@ -63,7 +64,7 @@ def reads_field(light: Light) -> bool:
     return light.soft and light.penumbra != "sampled"
 
 
-def misread(scene: Scene) -> list[str]:
+def misread(scene: Scene) -> list[Doubt]:
     """Doubts about effects that read the field as a distance, where it is shorter."""
     effect = "AmbientOcclusion" if scene.occlusion is not None else ""
     if any(map(reads_field, scene.lights)):
@@ -71,7 +72,7 @@ def misread(scene: Scene) -> list[str]:
     if not effect:
         return []
     cure = "it is too dark there; Quality(integrator='path') or penumbra='sampled' does not read distances"
-    return [f"{effect} reads the field of {sentence} ({cure})" for sentence in read_short(scene.node)]
+    return [Doubt("plan", f"{effect} reads the field of {sentence}", cure) for sentence in read_short(scene.node)]
 
 
 def largest_size(scene: Scene) -> float:

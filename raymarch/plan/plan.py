@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from raymarch.errors import Location, warn
+from raymarch.errors import Doubt, Location, warn
 from raymarch.expr.function import Function
 from raymarch.expr.node import Expr
 from raymarch.expr.samples import Samples
@@ -249,16 +249,17 @@ class Plan(Asked, Fields, Surfaces, Drawn):
 
     @cached_property
     def warnings(self) -> list[str]:
-        """Warnings about input that is legal but may not be intended."""
-        scene, found = self.given, []
+        """Doubts about input that is legal but may not be intended."""
+        scene, found = self.given, list[str]()
         if scene.node.facts.empty:
-            found.append("the solid is empty: the bounding boxes of its operands do not overlap")
+            found.append(Doubt("plan", "the solid is empty: the bounding boxes of its operands do not overlap"))
         if scene.node.exactness == "estimate":
-            found.append("the field is an estimate: rays may miss surfaces")
+            found.append(Doubt("plan", "the field is an estimate: rays may miss surfaces"))
         for node in all_nodes(scene.node)[1:]:
             if node.facts.empty and not any(child.facts.empty for child in node.children):
                 place = f" at {node.where}" if node.where else ""
-                found.append(f"{node.name}{place} is empty: the bounding boxes of its operands do not overlap")
+                what = f"{node.name}{place} is empty: the bounding boxes of its operands do not overlap"
+                found.append(Doubt("plan", what))
         found += moved_otherwise(scene.node)
         found += misread(scene)
         return [*found, *unused(scene), *range_warning(self.view, self.origin, self.seen or self.field)]

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from raymarch.errors import Doubt
 from raymarch.expr.node import Expr
 from raymarch.plan.shading import dims_ambient_light
 from raymarch.scene.light import Light, has_area, has_disc
@@ -21,36 +22,43 @@ from raymarch.sdf.labels import flattened, seen_labels
 from raymarch.sdf.node import Node
 
 
-def unused(scene: Scene) -> list[str]:
-    """A sentence for each option that has no effect, with the user's line where it is known."""
-    return list(dict.fromkeys(sentence for rule in RULES for sentence in rule(scene)))
+def unused(scene: Scene) -> list[Doubt]:
+    """A doubt for each option that has no effect, with the user's line where it is known."""
+    return list(dict.fromkeys(doubt for rule in RULES for doubt in rule(scene)))
 
 
-def _bounces(scene: Scene) -> Iterator[str]:
+def _bounces(scene: Scene) -> Iterator[Doubt]:
     smooth = any(m.transmits or m.mirrors for m in scene.materials)
     if scene.quality.integrator == "whitted":
         if not smooth:
             cure = "Material(metalness=1, roughness=0), or transmission=1"
-            yield f"Quality(integrator='whitted') has no effect: no material is smooth ({cure})"
+            yield _doubt("Quality(integrator='whitted') has no effect: no material is smooth", cure)
         elif not scene.bounces:
-            yield "Quality(integrator='whitted') has no effect with bounces = 0 (Scene(bounces=1) to 4, or None)"
+            yield _doubt(
+                "Quality(integrator='whitted') has no effect with bounces = 0", "Scene(bounces=1) to 4, or None"
+            )
     elif not scene.bounces and not scene.sky.light:
         for m in scene.materials:
             if m.metallic and _constant(m.metalness) == 1.0 and (_constant(m.roughness) or 0.0) < SMOOTH and m.mirrors:
-                yield _at(m, "a mirror shows nothing but lights (Scene(bounces=2), or a sky with light=True)")
+                cure = "Scene(bounces=2), or a sky with light=True"
+                yield _doubt("a mirror shows nothing but lights", cure, m)
     if scene.whitted:
         for m in scene.materials:
             if m.frosted:
-                yield _at(m, "Quality(integrator='whitted') draws rough glass clear (integrator='path')")
+                yield _doubt("Quality(integrator='whitted') draws rough glass clear", "integrator='path'", m)
 
 
-def _ambient(scene: Scene) -> Iterator[str]:
-    paths = "path-traced light finds it by itself" if scene.path_traced else "no ambient light (Sky(..., light=True))"
+def _ambient(scene: Scene) -> Iterator[Doubt]:
+    why, cure = (
+        ("path-traced light finds it by itself", "")
+        if scene.path_traced
+        else ("no ambient light", "Sky(..., light=True)")
+    )
     if scene.occlusion is not None and not dims_ambient_light(scene):
-        yield _at(scene.occlusion, f"Scene(occlusion=...) has no effect: {paths}")
+        yield _doubt(f"Scene(occlusion=...) has no effect: {why}", cure, scene.occlusion)
 
 
-def _shadows(scene: Scene) -> Iterator[str]:
+def _shadows(scene: Scene) -> Iterator[Doubt]:
     casting = [light for light in scene.lights if light.shadow]
     for light in scene.lights:
         name = type(light).__name__
@@ -59,16 +67,17 @@ def _shadows(scene: Scene) -> Iterator[str]:
         given |= {"shadow_radius": getattr(light, "shadow_radius", None) is not None}
         for option in (option for option, is_given in given.items() if is_given):
             if not light.shadow:
-                yield _at(light, f"{name}({option}=...) has no effect without shadow=True")
+                yield _doubt(f"{name}({option}=...) has no effect without shadow=True", of=light)
             elif option == "penumbra" and not light.soft:
-                yield _at(light, f"{name}(penumbra=...) has no effect without softness")
+                yield _doubt(f"{name}(penumbra=...) has no effect without softness", of=light)
     if scene.quality.shadow_steps is not None and not casting:
-        yield "Quality(shadow_steps=...) has no effect: no light has shadow=True"
+        yield _doubt("Quality(shadow_steps=...) has no effect: no light has shadow=True")
     if scene.quality.light_samples > 1 and not any(is_sampled(light, scene) for light in scene.lights):
-        yield "Quality(light_samples=...) has no effect: no light has an area, no shadow has penumbra='sampled'"
+        why = "no light has an area, no shadow has penumbra='sampled'"
+        yield _doubt(f"Quality(light_samples=...) has no effect: {why}")
 
 
-def _shown(scene: Scene) -> Iterator[str]:
+def _shown(scene: Scene) -> Iterator[Doubt]:
     """Emissive solids at the place of a light: they hide it, or light the scene a second time."""
     areas = [light for light in scene.lights if getattr(light, "visible", True) is False]
     areas = [light for light in areas if light.has_position and light.arguments()["position"].is_constant]
@@ -79,23 +88,24 @@ def _shown(scene: Scene) -> Iterator[str]:
             for light in areas:
                 if solid.distance(light.arguments()["position"].data[None])[0] <= 0.0:
                     name = type(light).__name__
-                    yield _at(light, f"an emissive solid is at the place of a {name} ({name}(visible=True) needs none)")
+                    cure = f"{name}(visible=True) needs none"
+                    yield _doubt(f"an emissive solid is at the place of a {name}", cure, light)
 
 
-def _camera(scene: Scene) -> Iterator[str]:
+def _camera(scene: Scene) -> Iterator[Doubt]:
     camera = scene.camera
     if camera.opens and not scene.motion_blur:
-        yield _at(camera, "Camera(shutter=...) has no effect: nothing in the scene reads rm.time")
+        yield _doubt("Camera(shutter=...) has no effect: nothing in the scene reads rm.time", of=camera)
     if camera.focus is not None and not camera.lens:
-        yield _at(camera, "Camera(focus=...) has no effect without an aperture")
+        yield _doubt("Camera(focus=...) has no effect without an aperture", of=camera)
 
 
-def _fog(scene: Scene) -> Iterator[str]:
+def _fog(scene: Scene) -> Iterator[Doubt]:
     if scene.fog is not None and not is_zero(scene.fog.height) and not scene.fog.layered:
-        yield _at(scene.fog, "Fog(height=...) has no effect without a falloff")
+        yield _doubt("Fog(height=...) has no effect without a falloff", of=scene.fog)
 
 
-def _materials(scene: Scene) -> Iterator[str]:
+def _materials(scene: Scene) -> Iterator[Doubt]:
     for material in scene.materials:
         given = material.arguments()
         needed: dict[str, tuple[bool, str]] = {
@@ -105,10 +115,10 @@ def _materials(scene: Scene) -> Iterator[str]:
         }
         for option, (used, other) in needed.items():
             if given[option] is not None and not used:
-                yield _at(material, f"Material({option}=...) has no effect without {other}")
+                yield _doubt(f"Material({option}=...) has no effect without {other}", of=material)
 
 
-def _inside_glass(scene: Scene) -> Iterator[str]:
+def _inside_glass(scene: Scene) -> Iterator[Doubt]:
     """Solids that a union with glass hides: it is one solid, and rays in glass meet its surface only."""
     if not scene.bounces or not any(m.transmits for m in scene.materials):
         return
@@ -121,7 +131,7 @@ def _inside_glass(scene: Scene) -> Iterator[str]:
                     solid = operands[j][0]
                     if not labels[j] <= made_of and _lies_inside(solid, operands[i][0]):
                         hidden = "a solid lies inside glass, in a union with it, and is not visible"
-                        yield _at(solid, f"{hidden} ((glass - solid) | solid, with a film of air between them)")
+                        yield _doubt(hidden, "(glass - solid) | solid, with a film of air between them", solid)
 
 
 def _unions(root: Node) -> Iterator[list[tuple[Node, Any]]]:
@@ -151,7 +161,7 @@ def _lies_inside(solid: Node, other: Node) -> bool:
     return bool(len(points) and np.all(other.distance(points) < 0.0))
 
 
-RULES: tuple[Callable[[Scene], Iterator[str]], ...] = (
+RULES: tuple[Callable[[Scene], Iterator[Doubt]], ...] = (
     _bounces,
     _ambient,
     _shadows,
@@ -164,9 +174,8 @@ RULES: tuple[Callable[[Scene], Iterator[str]], ...] = (
 """The rules, by the parts of a scene."""
 
 
-def _at(part: Material | Light | object, sentence: str) -> str:
-    where = getattr(part, "where", None)
-    return f"{where}: {sentence}" if where else sentence
+def _doubt(what: str, cure: str = "", of: Material | Light | object = None) -> Doubt:
+    return Doubt("scene", what, cure, getattr(of, "where", None))
 
 
 def is_sampled(light: Light, scene: Scene) -> bool:

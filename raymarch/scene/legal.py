@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from raymarch.errors import Location, SceneError
+from raymarch.errors import Doubt, Location, SceneError
 from raymarch.expr.arrays import SMALLEST, bound, evaluator
 from raymarch.expr.convert import LARGEST
 from raymarch.expr.intervals import interval_of
@@ -164,5 +164,5 @@ def _values_read(given: Sequence[Expr], values: Values) -> str:
     return ", ".join(read)
 
 
-def _sentence(where: Location | None, what: str, when: str, legal: str) -> str:
-    return f"{f'{where}: ' if where else ''}{what} at {when}{f' ({legal})' if legal else ''}"
+def _sentence(where: Location | None, what: str, when: str, legal: str) -> Doubt:
+    return Doubt("values", f"{what} at {when}", legal, where)

@@ -89,7 +89,7 @@ class Shader:
 
         version : "330 core", or "300 es" for WebGL 2. declarations : lines that replace those of uniforms, by name.
         """
-        lines = (declarations.get(line.uniform.name, line.text) if line.uniform else line.text for line in self.body)
+        lines = [declarations.get(line.uniform.name, line.text) if line.uniform else line.text for line in self.body]
         return "\n".join([*self._head(chosen or self.passes[0], version), *lines]) + "\n"
 
     @property
@@ -214,7 +214,7 @@ def _too_many_textures(plan: Plan, read: int) -> PlanError:
 
 
 def _samplers(lines: Sequence[Mapped]) -> int:
-    return sum(line.uniform is not None and line.uniform.type.startswith("sampler") for line in lines)
+    return sum([line.uniform is not None and line.uniform.type.startswith("sampler") for line in lines])
 
 
 # Generated chunks

@@ -48,7 +48,7 @@ class Chunk:
     def of(cls, name: str, lines: Iterable[Mapped]) -> Chunk:
         """A chunk whose names are read from its lines."""
         lines = tuple(lines)
-        text = "\n".join(line.text for line in lines)
+        text = "\n".join([line.text for line in lines])
         return cls(name, glsl.used(text), glsl.defined(text), lines)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from typing import Any
 
 import pytest
@@ -119,6 +120,16 @@ def test_a_sentence_has_the_line_of_the_part() -> None:
     (sentence,) = unused(rm.Scene(rm.sphere(), lights=[light, light]))
     assert sentence.startswith(f"{light.where}: Sun(softness=...)") and light.where is not None
     assert light.where.file == __file__
+
+
+@pytest.mark.parametrize("words", CASES)
+def test_a_doubt_is_a_sentence_of_its_parts(words: str) -> None:
+    (doubt,) = unused(CASES[words][0])
+    place = f"{doubt.where}: " if doubt.where is not None else ""
+    assert doubt == place + doubt.what + (f" ({doubt.cure})" if doubt.cure else "")
+    assert doubt.stage == "scene" and not doubt.what.endswith(")")
+    read = pickle.loads(pickle.dumps(doubt))
+    assert (read, vars(read)) == (doubt, vars(doubt))
 
 
 def test_plans_and_pictures_tell() -> None:
