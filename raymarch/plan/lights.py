@@ -15,7 +15,6 @@ from raymarch.expr.node import Expr, expr, var
 from raymarch.expr.types import Type
 from raymarch.expr.vocabulary import record
 from raymarch.expr.walk import free_variables
-from raymarch.scene.bsdf import samples_both
 from raymarch.scene.light import (
     DIRECTION,
     DIRECTION_SAMPLE,
@@ -32,6 +31,7 @@ from raymarch.scene.light import (
 )
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
+from raymarch.scene.surfaces import samples_both
 
 AS_TEXT = 8
 """Up to this many lights are written as code. More become rows of a texture, read in one loop."""

@@ -22,9 +22,11 @@ from raymarch.plan.bounding import Bounded
 from raymarch.plan.hoisting import Hoisting
 from raymarch.plan.objects import Many, ObjectsInCells
 from raymarch.plan.shading import mapped, needs_surface, patterned
-from raymarch.scene.bsdf import BSDF, Phong, bsdf_of
-from raymarch.scene.material import FIELDS, GLASS, PHYSICAL, RELIEF, Material
+from raymarch.scene.bsdf import BSDF, Phong
+from raymarch.scene.fields import FIELDS, GLASS, PHYSICAL, RELIEF
+from raymarch.scene.material import Material
 from raymarch.scene.scene import Scene
+from raymarch.scene.surfaces import bsdf_of
 from raymarch.sdf.labels import seen_labels
 from raymarch.sdf.lower import (
     LOCAL_INTERACTION,

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 from raymarch.errors import Location
 from raymarch.plan import lights
-from raymarch.scene.bsdf import BSDF, bsdf_of
+from raymarch.scene.bsdf import BSDF
 from raymarch.scene.light import KINDS, Light
 from raymarch.scene.scene import Scene
+from raymarch.scene.surfaces import bsdf_of
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,8 +14,9 @@ import numpy as np
 from raymarch.errors import Doubt
 from raymarch.expr.node import Expr
 from raymarch.plan.shading import dims_ambient_light
+from raymarch.scene.fields import SMOOTH
 from raymarch.scene.light import Light, has_area, has_disc
-from raymarch.scene.material import SMOOTH, Material
+from raymarch.scene.material import Material
 from raymarch.scene.parameter import is_zero
 from raymarch.scene.scene import Scene
 from raymarch.sdf.labels import flattened, seen_labels

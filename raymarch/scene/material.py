@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cache
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
@@ -16,6 +15,7 @@ from raymarch.expr.node import Expr, Operand, expr
 from raymarch.expr.types import vector
 from raymarch.expr.vocabulary import vec3
 from raymarch.expr.walk import free_variables, rebuild, rewrite
+from raymarch.scene.fields import ARGUMENTS, FIELDS, GLOSSY, SMOOTH
 from raymarch.scene.material_values import ColorOrTexture, FloatOrTexture, check_map_sizes, material_value
 from raymarch.scene.parameter import is_zero
 from raymarch.scene.relief import FLAT, bump_gradient, height_field
@@ -29,30 +29,8 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-PHONG = ("color", "shininess", "specular", "ambient")
-PHYSICAL = ("color", "metalness", "roughness", "f0")
-MIXED = (*PHONG, *PHYSICAL[1:], "physical")
-"""The fields that shading reads in scenes with Phong materials, with physical materials, and with both."""
-
-SMOOTH = 0.1
-"""Roughness up to which Whitted ray tracing treats a surface as a mirror: its lobe is then about two pixels wide. Above
-it the weight of the reflection falls linearly to 0 at twice this roughness, so that roughness maps show no edges."""
-
-GLOSSY = 0.4
-"""Roughness below which highlights of lights with an area are sampled by the lobes too. For rougher surfaces, points of
-the light alone give less noise for the time: directions of the lobes lower the variance by less than half, even under a
-light as wide as half its distance, and take up to twice the shadow rays."""
-
-GLASS = ("transmission", "ior", "absorption")
-COAT = ("clearcoat", "clearcoat_roughness")
-RELIEF = ("bump_gradient", "ambient_visibility")
-"""The fields of maps: the gradient that perturbs the normal, and the visibility for ambient light, 0 to 1."""
-
 MADE = {"albedo": "color"}
 """Parameters that are another name of a value."""
-
-FIELDS = (*MIXED, "emission", *GLASS, *COAT, *RELIEF, "own")
-"""All values. "physical" and "own" are 1 for a material that is physical, or has a BSDF of the user's own."""
 
 
 def once(function: Callable[[Material], T]) -> T:
@@ -122,7 +100,7 @@ class Material(Value):
     Smith masking (Heitz 2014), Schlick's Fresnel term (1994), and a diffuse term for the light that passes through the
     microfacets twice (Kelemen and Szirmay-Kalos 2001). So a white surface conserves energy, also at grazing angles.
     Metals include multiple scattering between microfacets (Kulla and Conty 2017). `clearcoat` and `clearcoat_roughness`
-    are those of glTF's KHR_materials_clearcoat, with energy-conserving layers; see `raymarch/scene/bsdf.py`.
+    are those of glTF's KHR_materials_clearcoat, with energy-conserving layers; see `raymarch/scene/layers.py`.
 
     Raises SceneError for a value outside its range, and for values of both models in one material.
 
@@ -188,7 +166,10 @@ class Material(Value):
         physical |= {"clearcoat": clearcoat, "clearcoat_roughness": clearcoat_roughness}
         phong, physical = _without_unset(phong), _without_unset(physical)
         if bsdf is not None:
-            import_module("raymarch.scene.bsdf").check_bsdf(bsdf)
+            # here for the time of a start: most scenes have no class of their own
+            from raymarch.scene.bsdf import check_bsdf
+
+            check_bsdf(bsdf)
         is_physical = bsdf is not None or any(v is not None for v in physical.values())
         _refuse_both(phong, {**physical, "bsdf": bsdf})
         if color is not None and albedo is not None:
@@ -203,12 +184,12 @@ class Material(Value):
         raised = height_field(height)
         given = {**phong, **physical, "emission": emission, "occlusion": occlusion}
         given |= {"f0": _spread(physical["f0"]), "absorption": _spread(physical["absorption"])}
-        unset = {n: default for n, (default, _, _, _) in _VALUES.items() if given[n] is None}
+        unset = {n: field.default for n, field in _VALUES.items() if given[n] is None}
         if is_physical:
             unset |= {"specular": 0.0, "ambient": 0.0}
         made = {
-            n: _unset(n, unset[n]) if n in unset else material_value(n, given[n], size, low, high)
-            for n, (_, size, low, high) in _VALUES.items()
+            n: _unset(n, unset[n]) if n in unset else material_value(n, given[n], of.size, of.low, of.high)
+            for n, of in _VALUES.items()
         }
         made["color"] = material_value(name, (0.8, 0.8, 0.8) if base is None else base, 3, 0.0, 1.0)
         if is_physical and physical["roughness"] is None:  # glass is smooth by default, other materials are not
@@ -385,24 +366,10 @@ def _without_unset(values: dict[str, Any]) -> dict[str, Any]:
     return {n: None if any(value is e for e in _UNSET.get(n, ())) else value for n, value in values.items()}
 
 
-_VALUES: Mapping[str, tuple[Any, int, float, float]] = {
-    "shininess": (32.0, 1, 1e-3, 1e6),
-    "specular": (0.25, 1, 0.0, 1.0),
-    "ambient": (0.1, 1, 0.0, 1.0),
-    "metalness": (0.0, 1, 0.0, 1.0),
-    "roughness": (0.5, 1, 0.0, 1.0),
-    "f0": ((0.04, 0.04, 0.04), 3, 0.0, 1.0),
-    "emission": ((0.0, 0.0, 0.0), 3, 0.0, np.inf),
-    "transmission": (0.0, 1, 0.0, 1.0),
-    "ior": (1.5, 1, 1.0, 4.0),
-    "absorption": ((0.0, 0.0, 0.0), 3, 0.0, 1e6),
-    "clearcoat": (0.0, 1, 0.0, 1.0),
-    "clearcoat_roughness": (0.0, 1, 0.0, 1.0),
-    "occlusion": (1.0, 1, 0.0, 1.0),
-}
-"""The values beside the colour: default, number of components, and range."""
+_VALUES = {name: field for name, field in ARGUMENTS.items() if name != "color"}
+"""The values beside the colour, by their arguments."""
 
-_UNSET = {name: [expr(default)] for name, (default, _, _, _) in _VALUES.items()}
+_UNSET = {name: [expr(field.default)] for name, field in _VALUES.items()}
 for _name in ("specular", "ambient"):
     _UNSET[_name].append(expr(0.0))  # of physical materials
 
@@ -410,7 +377,8 @@ for _name in ("specular", "ambient"):
 @cache
 def _unset(name: str, value: Any) -> Expr:
     """The expression of a value that is not given. A scene may have thousands of materials."""
-    return material_value(name, value, *_VALUES[name][1:])
+    of = _VALUES[name]
+    return material_value(name, value, of.size, of.low, of.high)
 
 
 def _refuse_both(phong: dict[str, Any], physical: dict[str, Any]) -> None:

@@ -392,6 +392,6 @@ def refuse_label(what: str, label: Any) -> None:
 
 def with_label(node: Node, label: Any) -> Node:
     """The node with a label of any kind, which determines its material."""
+    made = labelled(node)
     known = None if node.known_facts is None else replace(node.known_facts, divisor=1.0)
-    solid, flat = definition_of(labelled), definition_of(labelled).flat
-    return Node(flat if node.dimension == 2 and flat is not None else solid, (node,), {}, known, label)
+    return Node(made.definition, made.children, made.params, known, label)

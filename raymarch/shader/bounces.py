@@ -13,8 +13,8 @@ from raymarch.expr.glsl import constant, filled
 from raymarch.expr.node import const
 from raymarch.plan import Plan
 from raymarch.plan.lights import visible
-from raymarch.scene.bsdf import fresnel_dielectric, sample_rough_dielectric
-from raymarch.scene.material import SMOOTH
+from raymarch.scene.fields import SMOOTH
+from raymarch.scene.reflectance import fresnel_dielectric, sample_rough_dielectric
 from raymarch.shader.bsdf import Reflection
 from raymarch.shader.chunk import Lines, Values
 from raymarch.shader.fog import begin_shade, end_shade

@@ -11,8 +11,10 @@ from raymarch.expr.types import FLOAT, VEC2, VEC3, Type, struct, vector
 from raymarch.expr.vocabulary import clamp, dot, get, record, vec3, where
 from raymarch.expr.walk import free_variables
 from raymarch.plan import Plan
-from raymarch.scene.bsdf import RANDOM, over_dielectric, pdf_lobes, sample_lobes
+from raymarch.scene.bsdf import over_dielectric
 from raymarch.scene.light import LIGHT
+from raymarch.scene.reflectance import RANDOM
+from raymarch.scene.surfaces import pdf_lobes, sample_lobes
 from raymarch.shader.chunk import Values
 
 GLASS = struct("Glass", (("transmission", FLOAT), ("ior", FLOAT), ("absorption", VEC3)))

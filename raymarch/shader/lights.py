@@ -9,7 +9,6 @@ from raymarch.expr.function import Function
 from raymarch.expr.glsl import literal
 from raymarch.expr.node import Expr
 from raymarch.plan import Plan, lights
-from raymarch.scene.bsdf import samples_both
 from raymarch.scene.light import (
     DIRECTION,
     DIRECTION_SAMPLE,
@@ -25,6 +24,7 @@ from raymarch.scene.light import (
     sample_disc,
 )
 from raymarch.scene.scene import Scene
+from raymarch.scene.surfaces import samples_both
 from raymarch.shader.bsdf import Reflection
 from raymarch.shader.chunk import Chunk, Lines, Mapped, Values
 from raymarch.shader.kinds import shadow_function

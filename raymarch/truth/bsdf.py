@@ -15,8 +15,9 @@ from raymarch.expr.function import Function
 from raymarch.expr.node import expr, var
 from raymarch.expr.types import FLOAT, VEC2, VEC3, Type
 from raymarch.expr.vocabulary import clamp, dot
-from raymarch.scene.bsdf import BSDF, pdf_lobes, sample_lobes
+from raymarch.scene.bsdf import BSDF
 from raymarch.scene.material import Material
+from raymarch.scene.surfaces import pdf_lobes, sample_lobes
 
 Array = NDArray[np.float64]
 

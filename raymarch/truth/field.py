@@ -18,7 +18,7 @@ from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import min
 from raymarch.expr.walk import depends_on, substitute, topological
 from raymarch.scene.ambient_occlusion import NORMAL, POINT
-from raymarch.scene.material import FIELDS
+from raymarch.scene.fields import FIELDS
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.booleans import balanced

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.scene.bsdf import bsdf_of, samples_both
 from raymarch.scene.light import Light, PointLight, SphereLight, has_disc, power_heuristic
 from raymarch.scene.parameter import Values
 from raymarch.scene.relief import shading_normal
 from raymarch.scene.scene import Scene
 from raymarch.scene.sky import harmonics_at
+from raymarch.scene.surfaces import bsdf_of, samples_both
 from raymarch.truth.bsdf import Reflection, values_of
 from raymarch.truth.field import Field
 from raymarch.truth.fog import fogged

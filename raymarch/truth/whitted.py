@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.scene.bsdf import fresnel_dielectric
-from raymarch.scene.material import SMOOTH
+from raymarch.scene.fields import SMOOTH
+from raymarch.scene.reflectance import fresnel_dielectric
 from raymarch.truth.bsdf import values_of
 from raymarch.truth.light import lights_shown
 from raymarch.truth.rays import Rays

@@ -16,7 +16,8 @@ from raymarch.expr.vocabulary import dot, record, vec3
 from raymarch.gpu.context import Context
 from raymarch.plan import plan
 from raymarch.plan.unused import unused
-from raymarch.scene.bsdf import BSDF, SAMPLE, sample_cosine
+from raymarch.scene.bsdf import BSDF
+from raymarch.scene.reflectance import SAMPLE, sample_cosine
 from raymarch.sdf.domain import Vec3
 from raymarch.sdf.sampled_facts import contradictions
 

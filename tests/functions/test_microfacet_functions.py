@@ -14,9 +14,8 @@ from raymarch.expr.node import const, expr, var
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import clamp, vec2
 from raymarch.gpu.context import Context
-from raymarch.scene.bsdf import (
-    Microfacets,
-    Phong,
+from raymarch.scene.bsdf import Microfacets, Phong
+from raymarch.scene.reflectance import (
     albedo_f90,
     fresnel_schlick,
     mean_missing_albedo,

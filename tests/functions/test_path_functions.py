@@ -11,7 +11,9 @@ from raymarch.expr.node import const, var
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import clamp
 from raymarch.gpu.context import Context
-from raymarch.scene.bsdf import Microfacets, fresnel_dielectric, sample_cosine, sample_visible_normal, to_world
+from raymarch.scene.bsdf import Microfacets
+from raymarch.scene.light import to_world
+from raymarch.scene.reflectance import fresnel_dielectric, sample_cosine, sample_visible_normal
 from raymarch.truth.whitted import THROUGHPUT_CUTOFF
 from tests.functions.directions import slanted
 from tests.support.bsdf import VIEW, even, material, microfacets, sampled

@@ -11,7 +11,8 @@ from raymarch.expr.node import const, var
 from raymarch.expr.types import FLOAT, VEC2, VEC3
 from raymarch.expr.vocabulary import get
 from raymarch.gpu.context import Context
-from raymarch.scene.bsdf import over_dielectric, sample_rough_dielectric
+from raymarch.scene.bsdf import over_dielectric
+from raymarch.scene.reflectance import sample_rough_dielectric
 from tests.support.bsdf import Z as UP
 from tests.support.bsdf import material
 from tests.support.glsl_harness import evaluate

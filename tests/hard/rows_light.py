@@ -10,8 +10,8 @@ import raymarch as rm
 from raymarch.gpu.prepare import frame_uniforms, prepare
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Target
-from raymarch.scene.bsdf import d_ggx, fresnel_dielectric, v_smith, v_smith_separable
 from raymarch.scene.parameter import Values
+from raymarch.scene.reflectance import d_ggx, fresnel_dielectric, v_smith, v_smith_separable
 from tests.hard.world import ULP, Figure, World, case
 from tests.support.analytic import unit
 from tests.support.glsl_harness import evaluate

@@ -11,7 +11,8 @@ import raymarch as rm
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.node import expr
 from raymarch.gpu.context import Context
-from raymarch.scene.bsdf import Coated, Microfacets
+from raymarch.scene.bsdf import Microfacets
+from raymarch.scene.layers import Coated
 from tests.functions.directions import slanted
 from tests.lab.reference import SCENES, compare, judged, ours, theirs
 from tests.lab.ztest import verdict

@@ -14,7 +14,8 @@ from raymarch.expr.node import const, expr, var
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import dot, get, where
 from raymarch.gpu.context import Context
-from raymarch.scene.bsdf import BSDF, RANDOM, Microfacets, Random
+from raymarch.scene.bsdf import BSDF, Microfacets
+from raymarch.scene.reflectance import RANDOM, Random
 from raymarch.truth.bsdf import Reflection
 from tests.support.glsl_harness import evaluate
 

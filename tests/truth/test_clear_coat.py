@@ -10,7 +10,8 @@ from raymarch.expr.arrays import evaluator
 from raymarch.expr.node import const, expr, var
 from raymarch.expr.types import FLOAT
 from raymarch.gpu.context import Context
-from raymarch.scene.bsdf import Coated, Microfacets
+from raymarch.scene.bsdf import Microfacets
+from raymarch.scene.layers import Coated
 from tests.functions.directions import slanted
 from tests.support.bsdf import VIEW, evaluated, even, material, prepared, sampled
 

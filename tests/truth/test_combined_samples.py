@@ -15,7 +15,8 @@ from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import dot, get, where
 from raymarch.expr.walk import substitute
 from raymarch.gpu.context import Context
-from raymarch.scene.bsdf import BSDF, Coated, Microfacets, pdf_lobes, sample_lobes, samples_both
+from raymarch.scene.bsdf import BSDF, Microfacets
+from raymarch.scene.layers import Coated
 from raymarch.scene.light import (
     DIRECTION,
     DIRECTION_SAMPLE,
@@ -31,6 +32,7 @@ from raymarch.scene.light import (
     sample_disc,
     sample_of,
 )
+from raymarch.scene.surfaces import pdf_lobes, sample_lobes, samples_both
 from tests.support.bsdf import VIEW, Z, material
 
 RECT = rm.RectLight((0.4, 0.3, 2.0), 1.2, 0.8, (-0.2, -0.1, -1.0), up=(0, 1, 0.2), intensity=3.0, range=9.0)

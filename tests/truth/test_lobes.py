@@ -16,7 +16,8 @@ from raymarch.expr.node import const, expr
 from raymarch.gpu.context import Context
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Target
-from raymarch.scene.bsdf import BSDF, Blend, Coated, Microfacets, Phong
+from raymarch.scene.bsdf import BSDF, Microfacets, Phong
+from raymarch.scene.layers import Blend, Coated
 from tests.functions.directions import slanted
 from tests.support.bsdf import density, evaluated, material, sampled
 from tests.truth.lobes import random_of_pixel

@@ -11,7 +11,8 @@ from raymarch.expr.arrays import value_of
 from raymarch.expr.node import expr
 from raymarch.expr.vocabulary import step
 from raymarch.scene import Camera, Material, PointLight, Quality, Scene, SphereLight, SpotLight, Sun
-from raymarch.scene.bsdf import Microfacets, albedo_f90
+from raymarch.scene.bsdf import Microfacets
+from raymarch.scene.reflectance import albedo_f90
 from raymarch.sdf import box, plane, sphere, union
 from raymarch.truth import truth
 from raymarch.truth.bsdf import values_of
