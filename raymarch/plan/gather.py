@@ -21,7 +21,7 @@ from raymarch.expr.walk import find, rebuild, topological
 from raymarch.plan.hoisting import NEVER_HOISTED
 from raymarch.scene.scene import all_nodes
 from raymarch.sdf.booleans import Blend, blend_of
-from raymarch.sdf.definition import divisor_of
+from raymarch.sdf.derivation import divisor_of
 from raymarch.sdf.instancing import instanced
 from raymarch.sdf.labels import rows_of
 from raymarch.sdf.lower import Lowering

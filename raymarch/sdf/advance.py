@@ -46,13 +46,13 @@ from raymarch.expr.vocabulary import abs, length, max, min, step, vec2, where
 from raymarch.expr.walk import depends_on, find, rebuild, run, substitute, topological
 from raymarch.sdf.blends import FAMILIES
 from raymarch.sdf.convexity import hull_of, is_concave_fold, is_convex, known_parts
-from raymarch.sdf.definition import BOUND
 from raymarch.sdf.facts import FARTHEST
 from raymarch.sdf.intersections import interval_of_ray
 from raymarch.sdf.labels import flattened, rows_of
 from raymarch.sdf.lower import Lowering, reading_of
 from raymarch.sdf.node import Node, children_first
 from raymarch.sdf.pieces import borders
+from raymarch.sdf.values import BOUND
 from raymarch.sdf.visibility import shown
 
 STRETCH = var("stretch_ahead", FLOAT)

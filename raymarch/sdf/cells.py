@@ -28,7 +28,7 @@ from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import abs as absolute
 from raymarch.expr.vocabulary import max, min, round, vec3, where
 from raymarch.sdf.booleans import balanced
-from raymarch.sdf.definition import Child, ChildFacts, at_least, operator
+from raymarch.sdf.definition import Child, ChildFacts, operator
 from raymarch.sdf.domain import Domain, Scalar, Size3, Vec3, Vector, Whole
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.node import Node
@@ -43,6 +43,7 @@ from raymarch.sdf.repetition import (
     outermost,
     shift_of,
 )
+from raymarch.sdf.values import at_least
 
 __all__ = ["repeat_varied"]
 

@@ -13,8 +13,9 @@ from raymarch.expr.function import Function
 from raymarch.expr.node import Expr
 from raymarch.expr.walk import find
 from raymarch.sdf.blends import FAMILIES
-from raymarch.sdf.definition import BOUND, Definition
+from raymarch.sdf.definition import Definition
 from raymarch.sdf.node import Node, children_first
+from raymarch.sdf.values import BOUND
 
 CONVEX = Kind(convex=True)
 

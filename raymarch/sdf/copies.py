@@ -23,7 +23,7 @@ from raymarch.expr.node import Expr, construct, expr
 from raymarch.expr.vocabulary import abs as absolute
 from raymarch.expr.vocabulary import atan2, cos, length, max, min, mod, round, sin, vec3, where
 from raymarch.sdf.booleans import balanced
-from raymarch.sdf.definition import Child, ChildFacts, around_y, at_least, operator
+from raymarch.sdf.definition import Child, ChildFacts, around_y, operator
 from raymarch.sdf.domain import Angle, Count, Domain, Scalar, Size3, Vec4, Vector, Whole, as_length
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.node import Node, method, solid
@@ -39,6 +39,7 @@ from raymarch.sdf.repetition import (
     repeat,
     shift_of,
 )
+from raymarch.sdf.values import at_least
 
 # Around the y axis
 

@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import inspect
 import math
-import typing
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from operator import itemgetter
 from typing import Any, Concatenate, Literal, ParamSpec, TypeAlias
 
 import numpy as np
@@ -19,24 +17,24 @@ import numpy as np
 from raymarch.errors import Location, SceneError
 from raymarch.expr.calls import bad_call, checked
 from raymarch.expr.convert import described, short
-from raymarch.expr.evaluate import Program
 from raymarch.expr.function import Function, trace
-from raymarch.expr.intervals import INTERVALS, Interval
-from raymarch.expr.node import Expr, const, expr, make, var
-from raymarch.expr.types import BOOL, FLOAT, MAT2, MAT3, VEC2, VEC3, VECTORS, Type, vector
+from raymarch.expr.node import Expr, const, expr, make
+from raymarch.expr.types import BOOL, FLOAT, MAT2, MAT3, VEC2, VEC3, Type, vector
 from raymarch.expr.vocabulary import length, vec2, vec3, vec4
-from raymarch.expr.walk import find, free_variables, substitute, topological
+from raymarch.expr.walk import find, free_variables, substitute
 from raymarch.sdf.builder import Builder
-from raymarch.sdf.domain import Domain, Fits, domain_of, interval_of_value
-from raymarch.sdf.facts import Exactness, Facts, worst
-from raymarch.sdf.node import Node, called_by_nodes, children_first
-from raymarch.sdf.regions import Motion, Regions
+from raymarch.sdf.derivation import ChildFacts as ChildFacts
+from raymarch.sdf.derivation import Traced, derive_facts, facts_of_members, facts_program
+from raymarch.sdf.domain import Domain, Fits, domain_of
+from raymarch.sdf.facts import Exactness, Facts
+from raymarch.sdf.node import Node
+from raymarch.sdf.rules import OF_ALL_CHILDREN, Rule, children_of, hints_of, of_all_parameters, stated
+from raymarch.sdf.values import is_homogeneous
 
 __all__ = ["operator", "shape"]
 
 P = ParamSpec("P")
 Child: TypeAlias = Callable[[Expr], Expr]
-Rule: TypeAlias = Callable[..., Any]
 Dimension: TypeAlias = Literal[2, 3, "any"]
 Placing: TypeAlias = Literal["rigid", "scale", "stretch", "deform", "offset", "select", "union", "blend", ""]
 """How an operator passes distances on.
@@ -51,35 +49,6 @@ the least value of the children. "blend": the same, lowered where two values are
 
 PLACED = ("rigid", "scale", "stretch")
 """Those of the form `child(q)` or `factor * child(q)`, where q is an affine map of p; see `Definition.placement`."""
-
-
-@dataclass(frozen=True, slots=True)
-class ChildFacts:
-    """The facts of a child, as an operator's functions of facts receive them: expressions in place of numbers.
-
-    `box` stands for any point of the child's box at once, so `child.box + offset` is the moved box;
-    `lower` and `upper` are its corners. `lipschitz` and `spread` are those of the field that the operator receives:
-    the undivided one, whose constant may exceed 1, if the operator does more than scale and choose distances.
-    `centre` is that of the box; `radii` and `swell` are those of `Facts`.
-    """
-
-    box: Expr
-    lower: Expr
-    upper: Expr
-    lipschitz: Expr
-    spread: Expr
-    centre: Expr
-    radii: Expr
-    swell: Expr
-
-    def within(self, margin: Any = 0.0) -> list[tuple[Expr, Expr]]:
-        """Centre and radii about it that hold all points at which the child's field is no larger than a margin >= 0."""
-        return [(self.centre, self.radii + self.swell * margin)]
-
-    def grown(self, distance: Any) -> tuple[Expr, Expr]:
-        """Corners of a box around all points at which the child's field is no larger than a distance >= 0."""
-        margin = self.spread * distance
-        return self.lower - margin, self.upper + margin
 
 
 @dataclass(eq=False, slots=True)
@@ -113,7 +82,8 @@ class Definition:
     flat: Definition | None = None
     """The same definition for flat children, where it serves both; this one then serves the solid ones."""
     _templates: dict[Any, Function] = field(default_factory=dict)
-    _facts: dict[Any, tuple[Program, bool, int, Motion | None]] = field(default_factory=dict)
+    programs: dict[Any, Traced] = field(default_factory=dict)
+    """Of the facts; see `raymarch.sdf.derivation`."""
 
     def make(self, children: Sequence[Node], args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> Node:
         """A node: parameters checked. Its facts are derived when they are first read, unless they may be refused."""
@@ -136,7 +106,7 @@ class Definition:
         if callable(self.lipschitz):
             derive_facts(node)
         else:
-            self._facts_of(len(children), params)
+            facts_program(self, len(children), params)
         return node
 
     def _bind(self, args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> dict[str, Any]:
@@ -166,7 +136,7 @@ class Definition:
         statics = self.statics(params)
         key = (n_children, statics)
         if key not in self._templates:
-            symbols = [("p", vector(self.dimension)), *self._symbols()]
+            symbols = [("p", vector(self.dimension)), *self.symbols()]
             children = [self._caller(i) for i in range(n_children)]
             extra = () if self.arity == "none" else (children if self.arity == "many" else children[0],)
 
@@ -198,7 +168,7 @@ class Definition:
 
     def named(self, template: Function, params: Mapping[str, Any]) -> dict[Expr, Expr]:
         """The symbols of a template but its point, with the parameters of a node."""
-        return dict(zip(template.params[1:], (params[name] for name, _ in self._symbols()), strict=True))
+        return dict(zip(template.params[1:], (params[name] for name, _ in self.symbols()), strict=True))
 
     def _taken_apart(self, traced: Function) -> tuple[Expr, Expr | None]:
         """The child's value and its factor in the function of a placed operator. SceneError for another form."""
@@ -224,7 +194,7 @@ class Definition:
                 continue
             raise SceneError(what, legal="finite numbers, and divisors that are not 0", where=self.where)
 
-    def _symbols(self) -> list[tuple[str, Type]]:
+    def symbols(self) -> list[tuple[str, Type]]:
         return [(n, d.type) for n, d in self.domains.items() if d.type is not None]
 
     def _caller(self, index: int) -> Child:
@@ -260,191 +230,24 @@ class Definition:
         """Facts of a node from those of its children, on the intervals of its parameters; SceneError by its check."""
         below = [c.facts for c in children]
         self.require(below, params)
-        return self._derive([(below, params)])[0]
-
-    def _facts_of(self, n_children: int, params: Mapping[str, Any]) -> tuple[Program, bool, int, Motion | None]:
-        """The program of the facts, whether it gives the Lipschitz constant, and how many radii and what motion."""
-        key = (n_children, self.statics(params))
-        if key not in self._facts:
-            self._facts.setdefault(key, self._trace_facts(n_children, params))
-        return self._facts[key]
-
-    def statics(self, params: Mapping[str, Any]) -> tuple[Any, ...]:
-        """The static parameters, on which the expressions of the field and of its facts depend."""
-        return tuple((n, params[n]) for n, d in self.domains.items() if d.type is None)
-
-    def _derive(self, members: Sequence[tuple[Sequence[Facts], Mapping[str, Any]]]) -> list[Facts]:
-        """Facts of some nodes at once, each from the facts of its children and its parameters.
-
-        They have equally many children and equal static parameters.
-        """
-        first, params = members[0]
-        program, declared, n_discs, motion = self._facts_of(len(first), params)
-        params_of: list[Interval] = [
-            _stacked([interval_of_value(own[n]) for _, own in members])
-            for n, d in self.domains.items()
-            if d.type is not None
-        ]
-        n = len(members)
-
-        def found_for(lipschitz: str, spread: str, swell: str) -> tuple[Any, ...]:
-            """Corners, Lipschitz constants, spreads, radii and motions, from those facts of the children."""
-            inputs = [*params_of]
-            for column in zip(*[below for below, _ in members], strict=True):
-                lower, upper = (np.array([getattr(f, side) for f in column]) for side in ("lower", "upper"))
-                inputs += [(lower, upper), (lower, lower), (upper, upper)]
-                facts = [[getattr(f, name) for f in column] for name in (lipschitz, spread)]
-                if n_discs or motion is not None:
-                    with np.errstate(invalid="ignore"):
-                        centre = np.nan_to_num(0.5 * (lower + upper), nan=0.0, posinf=0.0, neginf=0.0)
-                    facts += [centre, [f.reach for f in column], [getattr(f, swell) for f in column]]
-                inputs += [(numbers, numbers) for numbers in map(np.array, facts)]
-            with np.errstate(all="ignore"):
-                low, high, steep, wide, *others = program(*inputs)
-            lowest = np.broadcast_to(np.where(np.isnan(low[0]), -np.inf, low[0]), (n, self.dimension))
-            highest = np.broadcast_to(np.where(np.isnan(high[1]), np.inf, high[1]), (n, self.dimension))
-            return lowest, highest, np.broadcast_to(steep[1], n).tolist(), np.broadcast_to(wide[1], n).tolist(), others
-
-        lowest, highest, steepest, widest, others = found_for("lipschitz", "spread", "swell")
-        undivided, undivided_widest = steepest, widest
-        adds, bounded = self.adds(len(first), params), self.template(len(first), params).body.data is BOUND
-        if any(facts.divided for below, _ in members for facts in below):
-            *corners, undivided, undivided_widest, of = found_for("undivided", "undivided_spread", "undivided_swell")
-            if adds:
-                (lowest, highest), others = corners, of
-        with np.errstate(all="ignore"):
-            regions = Regions([below for below, _ in members], (lowest, highest), others, n_discs, motion)
-        found = []
-        for i, (below, own) in enumerate(members):
-            largest = max((facts.lipschitz for facts in below), default=1.0)
-            steep = steepest[i] if declared else largest
-            largest = max([largest, *[facts.undivided for facts in below]])
-            whole = undivided[i] if declared else largest
-            if declared and undivided[i] <= steepest[i]:  # a constant for children that are 1-Lipschitz
-                whole *= max(largest, 1.0)
-            wide, undivided_wide = regions.spread(i, widest[i]), regions.spread(i, undivided_widest[i], undivided=True)
-            swell, undivided_swell = regions.swell(i, wide), regions.swell(i, undivided_wide, undivided=True)
-            if adds:
-                steep, wide, swell = whole, undivided_wide, undivided_swell
-            if bounded:
-                steep = largest
-            if not 0 < steep < np.inf:
-                what = f"{self.called} has no finite Lipschitz bound here ({steep})"
-                raise SceneError(what, legal="a bounded child, and parameters with a finite range")
-            exactness = worst(_value(self.exactness, below, own), *[facts.exactness for facts in below])
-            convex = bool(_value(self.convex, below, own))
-            found.append(
-                Facts(
-                    exactness,
-                    min(steep, 1.0),
-                    regions.lower[i],
-                    regions.upper[i],
-                    self._symmetry(below, own),
-                    max(steep, 1.0),
-                    1.0 if exactness == "exact" else wide * max(steep, 1.0),
-                    convex and (callable(self.convex) or all(facts.convex for facts in below)),
-                    whole,
-                    1.0 if exactness == "exact" else undivided_wide,
-                    regions.radii[i],
-                    1.0 if exactness == "exact" else swell * max(steep, 1.0),
-                    1.0 if exactness == "exact" else undivided_swell,
-                    regions.placed[i],
-                    regions.far[i],
-                )
-            )
-        return found
+        return facts_of_members(self, [(below, params)])[0]
 
     def estimates(self, node: Node) -> bool:
         """True if a node of this definition is an estimate by itself, of a solid with a box."""
         facts = node.facts
         if facts.exactness != "estimate" or facts.empty or np.all(np.isinf([facts.lower, facts.upper])):
             return False
-        return _value(self.exactness, [child.facts for child in node.children], node.params) == "estimate"
+        return bool(stated(self.exactness, [child.facts for child in node.children], node.params) == "estimate")
 
-    def _symmetry(self, children: Sequence[Facts], params: Mapping[str, Any]) -> str:
-        if self.symmetry == "keep":
-            return "".join(sorted(set("xyz").intersection(*[c.symmetry for c in children])))
-        return str(_value(self.symmetry, children, params))
-
-    def _trace_facts(self, n_children: int, params: Mapping[str, Any]) -> tuple[Program, bool, int, Motion | None]:
-        symbols = {n: var(n, t) for n, t in self._symbols()}
-        box = vector(self.child_dimension)
-        inputs = list(symbols.values())
-        children = []
-        for i in range(n_children):
-            facts = [var(f"{name} {i}", box) for name in ("box", "lower", "upper")]
-            facts += [var(f"{name} {i}", FLOAT) for name in ("lipschitz", "spread")]
-            facts += [var(f"centre {i}", box), var(f"radii {i}", VECTORS[4]), var(f"swell {i}", FLOAT)]
-            inputs += facts if self.radii is not None or self.motion is not None else facts[:-3]
-            children.append(ChildFacts(*facts))
-        arguments = {**symbols, **dict(self.statics(params))}
-        extra: tuple[Any, ...] = (children,) if self.arity == "many" else tuple(children)
-        endless = np.full(self.dimension, np.inf)
-        region = (const(-endless), const(endless)) if self.bounds is None else self.bounds(*extra, **arguments)
-        corners = region if isinstance(region, tuple) else (region, region)
-        if len(corners) != 2 or any(expr(corner).type is not vector(self.dimension) for corner in corners):
-            what = f"{self.called}: bounds gives {short(region)}"
-            raise SceneError(what, legal="the corners (lower, upper), such as cube(half)")
-        lower, upper = corners
-        steep, spread = _value(self.lipschitz, extra, arguments), _value(self.spread, extra, arguments)
-        roots = [*map(expr, (lower, upper, 0.0 if steep is None else steep, np.inf if spread is None else spread))]
-        discs = _value(self.radii, extra, arguments)
-        discs = [] if discs is None else discs if n_children else [(0.5 * (roots[0] + roots[1]), discs)]
-        roots += [expr(part) for disc in discs for part in disc]
-        motion = _value(self.motion, extra, arguments)
-        if motion is not None:
-            roots += motion.parts(self.dimension)
-        return Program(roots, inputs, INTERVALS), steep is not None, len(discs), motion
-
-
-@called_by_nodes
-def derive_facts(root: Node) -> None:
-    """Derives the facts of a node and of all below it that have none yet: those of equal definition at once."""
-    missing = children_first(root, lambda node: node.known_facts is None)
-    height: dict[int, int] = {}
-    groups: dict[tuple[Any, ...], list[Node]] = {}
-    for node in missing:
-        level = height[id(node)] = 1 + max((height.get(id(child), 0) for child in node.children), default=0)
-        key = (level, node.definition, len(node.children), node.definition.statics(node.params))
-        groups.setdefault(key, []).append(node)
-    for key in sorted(groups, key=itemgetter(0)):
-        nodes = groups[key]
-        found = nodes[0].definition._derive([([c.facts for c in node.children], node.params) for node in nodes])
-        for node, facts in zip(nodes, found, strict=True):
-            node.known_facts = facts
-
-
-def divisor_of(node: Node) -> float | None:
-    """The number by which the field of a node is divided; None if parts of it are divided by different numbers."""
-    if not node.facts.divided:
-        return 1.0
-    definition, n = node.definition, len(node.children)
-    if definition.template(n, node.params).body.data is BOUND:
-        return None
-    if not n or definition.adds(n, node.params):
-        return node.facts.divisor
-    below = {divisor_of(child) for child in node.children}
-    (one,) = below if len(below) == 1 else (None,)
-    return None if one is None else one * node.facts.divisor
-
-
-def _stacked(intervals: Sequence[Interval]) -> Interval:
-    """Intervals of equal type as one; those of one number stay such."""
-    low = np.array([interval[0] for interval in intervals])
-    if all(interval[0] is interval[1] for interval in intervals):
-        return low, low
-    return low, np.array([interval[1] for interval in intervals])
+    def statics(self, params: Mapping[str, Any]) -> tuple[Any, ...]:
+        """The static parameters, on which the expressions of the field and of its facts depend."""
+        return tuple((n, params[n]) for n, d in self.domains.items() if d.type is None)
 
 
 def definition_of(function: Callable[..., Any]) -> Definition:
     """The definition of a function that `@shape` or `@operator` gave to the user."""
     found: Definition = function.definition  # type: ignore[attr-defined]  # typed as the function that was decorated
     return found
-
-
-def _value(rule: Any, children: Sequence[Any], params: Mapping[str, Any]) -> Any:
-    """A fact that is stated, or the value of its function."""
-    return rule(*children, **params) if callable(rule) else rule
 
 
 def _reordered(
@@ -493,7 +296,7 @@ def _define(
         defaults={**definition.defaults, **shorter},
         flat=None,
         _templates={},
-        _facts={},
+        programs={},
     )
     for made in (definition, definition.flat):
         REGISTRY[made.name] = made
@@ -506,7 +309,7 @@ def _define_one(
     code = inspect.unwrap(source).__code__
     where = Location(code.co_filename, code.co_firstlineno)
     skip = 1 if arity == "none" else 2
-    hints = _hints(source)
+    hints = hints_of(source)
     signature = list(inspect.signature(source).parameters.values())
     if len(signature) < skip:
         needs = "a point p" if skip == 1 else "a point p and a child"
@@ -517,8 +320,8 @@ def _define_one(
     for fact, rule in declared.items():
         if callable(rule):
             what = f"{source.__name__}: {fact}"
-            first = ["by"] if fact == "shift" else _children_of(arity, fact in OF_ALL_CHILDREN)
-            declared[fact] = _of_all(what, rule, first, list(domains), where)
+            first = ["by"] if fact == "shift" else children_of(arity, fact in OF_ALL_CHILDREN)
+            declared[fact] = of_all_parameters(what, rule, first, list(domains), where)
     return Definition(
         name=source.__name__,
         called=declared.pop("called") or source.__name__,
@@ -532,64 +335,6 @@ def _define_one(
         doc=inspect.getdoc(source) or "",
         **declared,
     )
-
-
-def _hints(source: Callable[..., Any]) -> Mapping[str, Any]:
-    """The annotations of a definition; none if one of them cannot be evaluated.
-
-    Almost all are names of the module. `typing` takes some ten times as long for each.
-    """
-    known = source.__globals__
-    try:
-        if all(isinstance(hint, str) for hint in source.__annotations__.values()):
-            return {
-                n: known[hint] if hint in known else eval(hint, known) for n, hint in source.__annotations__.items()
-            }
-        return typing.get_type_hints(source, include_extras=True)
-    except (NameError, TypeError):
-        return {}
-
-
-OF_ALL_CHILDREN = ("exactness", "symmetry", "convex", "check", "placing")
-"""Facts whose functions receive each child's facts as an argument; the others receive one list of many children."""
-
-
-def _children_of(arity: str, of_all: bool) -> list[str]:
-    """The arguments by which a function of facts receives the children."""
-    return {"none": [], "one": ["child"], "many": ["*children" if of_all else "children"]}[arity]
-
-
-def _of_all(what: str, rule: Rule, first: Sequence[str], names: Sequence[str], where: Location) -> Rule:
-    """A function of facts that takes its first arguments and some parameters of its definition, as a function of all.
-
-    SceneError if it cannot be called with them.
-    """
-    children = sum(2 if name.startswith("*") else 1 for name in first)
-    if _takes(rule, children, names):  # inspecting the rules of all definitions takes longer than tracing them
-        return rule
-    try:
-        signature = inspect.signature(rule)
-    except ValueError:  # a function without a signature
-        return rule
-    kinds = [q.kind for q in signature.parameters.values()]
-    taken = list(names) if inspect.Parameter.VAR_KEYWORD in kinds else [n for n in names if n in signature.parameters]
-    try:
-        signature.bind(*range(children), **dict.fromkeys(taken))
-    except TypeError:
-        legal = f"it receives {', '.join([*first, *names])}"
-        raise SceneError(f"{what} takes {signature}", legal=legal, where=where) from None
-    if len(taken) == len(names):
-        return rule
-    return lambda *facts, **given: rule(*facts, **{name: given[name] for name in taken})
-
-
-def _takes(rule: Rule, children: int, names: Sequence[str]) -> bool:
-    """True if a rule is a plain function of some children and exactly these parameters."""
-    if not inspect.isfunction(rule) or hasattr(rule, "__wrapped__"):
-        return False
-    code = rule.__code__
-    plain = not code.co_flags & (inspect.CO_VARARGS | inspect.CO_VARKEYWORDS) and not code.co_kwonlyargcount
-    return plain and code.co_varnames[children : code.co_argcount] == tuple(names)
 
 
 def _require(name: str, exactness: Any, bounds: Any) -> None:
@@ -752,63 +497,3 @@ def radii_about_y(radius: Any, half: Any, ball: Any = None) -> Expr:
 
 EVERYWHERE = (const([-np.inf] * 3), const([np.inf] * 3))
 """Bounds of an unbounded solid."""
-
-
-FLOOR = "floor"
-
-
-BOUND = "bound"
-
-
-def with_bound(value: Expr, bound: Expr) -> Expr:
-    """The value of a definition, and a field of the same solid that is marched in place of the divided value.
-
-    bound : no steeper than the steepest child. It is worth stating where it is larger than the divided value, such as
-        far from the surface.
-    """
-    return make("max", FLOAT, (value, bound), BOUND)
-
-
-SELECTS = ("neg", "abs", "min", "max", "where", "add", "sub")
-
-
-def is_homogeneous(body: Expr) -> bool:
-    """True if a definition's value is scaled by a factor where the distances of its children are scaled by it."""
-    degree: dict[Expr, int] = {}
-    for node in topological([body]):
-        of = [degree[arg] for arg in node.args]
-        known = {d for arg, d in zip(node.args, of, strict=True) if not _is_zero(arg)}
-        if node.op == "apply":
-            degree[node] = 1
-        elif 1 not in known:
-            degree[node] = 0
-        elif node.data is BOUND:
-            return False
-        elif node.data is FLOOR or (known == {1} and node.op in (*SELECTS, "lt", "le", "gt", "ge")):
-            degree[node] = 0 if node.type is BOOL else 1
-        elif (
-            (
-                node.op == "where"
-                and of[0] == 0
-                and all(d == 1 or _is_zero(arg) for arg, d in zip(node.args[1:], of[1:], strict=True))
-            )
-            or (node.op == "mul" and sum(of) == 1)
-            or (node.op == "div" and of == [1, 0])
-        ):
-            degree[node] = 1
-        else:
-            return False
-    return degree[body] == 1
-
-
-def _is_zero(value: Expr) -> bool:
-    return value.op == "const" and value.type is not BOOL and not np.any(value.data)
-
-
-def at_least(value: Expr, floor: Expr) -> Expr:
-    """The larger of a field and a lower bound of the distance, such as the distance to the box.
-
-    Where both are 0, as on a face that touches the box, the material is that of the field: materials ignore the lower
-    bound.
-    """
-    return make("max", FLOAT, (value, floor), FLOOR)

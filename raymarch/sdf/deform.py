@@ -21,7 +21,7 @@ from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, Operand, expr
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import abs, atan2, clamp, cos, dot, length, max, min, sin, sqrt, vec2, vec3, where
-from raymarch.sdf.definition import Child, ChildFacts, around_y, at_least, operator
+from raymarch.sdf.definition import Child, ChildFacts, around_y, operator
 from raymarch.sdf.domain import (
     Domain,
     Length,
@@ -41,6 +41,7 @@ from raymarch.sdf.node import Node, method, solid
 from raymarch.sdf.noise import displace_by
 from raymarch.sdf.placing import AXES
 from raymarch.sdf.repetition import UNBOUNDED
+from raymarch.sdf.values import at_least
 
 
 def _reach(node: Node, name: str, axes: str) -> float:

@@ -19,9 +19,10 @@ from raymarch.expr.node import Expr, Operand, const, expr
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import abs as absolute
 from raymarch.expr.vocabulary import clamp, dot, length, max, min, normalize, rotation2, vec3
-from raymarch.sdf.definition import Child, at_least, operator, shape
+from raymarch.sdf.definition import Child, operator, shape
 from raymarch.sdf.domain import Count, Domain, Factor, Scalar, as_operand, corners_of
 from raymarch.sdf.node import Node
+from raymarch.sdf.values import at_least
 
 __all__ = ["ball_fold", "box_fold", "fold_fractal", "plane_fold"]
 

@@ -25,9 +25,10 @@ from raymarch.expr.node import Expr, Operand, construct
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import clamp, dot, length, max, min
 from raymarch.expr.walk import rebuild, rewrite, topological
-from raymarch.sdf.definition import shape, with_bound
+from raymarch.sdf.definition import shape
 from raymarch.sdf.domain import Domain, Positive, Scalar, Vec3, Vector, as_operand, corners_of
 from raymarch.sdf.node import Node
+from raymarch.sdf.values import with_bound
 
 __all__ = ["implicit"]
 

@@ -15,7 +15,8 @@ from raymarch.expr.convert import holdable, numbers, short
 from raymarch.expr.node import Expr, const, var
 from raymarch.expr.types import FLOAT, MAT3, VEC3
 from raymarch.expr.walk import find
-from raymarch.sdf.definition import divisor_of, shape, with_bound
+from raymarch.sdf.definition import shape
+from raymarch.sdf.derivation import divisor_of
 from raymarch.sdf.domain import Domain
 from raymarch.sdf.lower import lower
 from raymarch.sdf.node import Node, solid
@@ -23,6 +24,7 @@ from raymarch.sdf.placing import affine, material, refuse_label, translate
 from raymarch.sdf.regions import Turned
 from raymarch.sdf.rows import Form, Rows, Slot
 from raymarch.sdf.solids import sphere
+from raymarch.sdf.values import with_bound
 from raymarch.sdf.visibility import hiding_nodes
 
 __all__ = ["instances"]

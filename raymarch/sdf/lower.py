@@ -28,11 +28,11 @@ from raymarch.expr.types import FLOAT, MAT3, VEC3, vector
 from raymarch.expr.vocabulary import clamp, cross, dot, length, max, min, normalize, stop_gradient, where
 from raymarch.expr.walk import find, free_variables, rebuild, rewrite, run, substitute, topological
 from raymarch.sdf.booleans import balanced
-from raymarch.sdf.definition import BOUND, FLOOR
 from raymarch.sdf.facts import FARTHEST
 from raymarch.sdf.labels import cutting, flattened, rows_of
 from raymarch.sdf.node import Node, called_by_nodes
 from raymarch.sdf.placement import turn_of
+from raymarch.sdf.values import BOUND, FLOOR
 from raymarch.sdf.visibility import RAY_KIND, shown
 from raymarch.sdf.weights import distance_scale
 

@@ -32,9 +32,10 @@ from raymarch.expr.octaves import fbm, gradient_noise, ridged, turbulence, value
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import clamp, max, sin
 from raymarch.expr.walk import find
-from raymarch.sdf.definition import Child, operator, with_bound
+from raymarch.sdf.definition import Child, operator
 from raymarch.sdf.domain import Domain, NonNegative, Scalar, as_operand
 from raymarch.sdf.node import Node, method, solid
+from raymarch.sdf.values import with_bound
 
 __all__ = ["fbm", "gradient_noise", "hash", "ridged", "turbulence", "value_noise", "worley"]
 

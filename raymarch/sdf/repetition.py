@@ -20,11 +20,12 @@ from raymarch.expr.node import Expr, construct, expr
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import clamp, max, min, round, where
 from raymarch.sdf.booleans import balanced
-from raymarch.sdf.definition import Child, ChildFacts, at_least, operator
+from raymarch.sdf.definition import Child, ChildFacts, operator
 from raymarch.sdf.domain import Scalar, Size3, Vec3, Vector, Whole, as_length
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.node import Node, method
 from raymarch.sdf.placing import unmoved
+from raymarch.sdf.values import at_least
 
 INFINITE = 0
 MOST = 2**24

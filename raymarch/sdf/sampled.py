@@ -29,13 +29,14 @@ from raymarch.expr.samples import Samples, sample
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import clamp, length, max, min, vec2, vec3
 from raymarch.files import reading
-from raymarch.sdf.definition import Child, operator, shape, with_bound
+from raymarch.sdf.definition import Child, operator, shape
 from raymarch.sdf.deform import offset
 from raymarch.sdf.domain import Data, Domain, NonNegative, Scalar, Size2, Size3, Vec3, Vector
 from raymarch.sdf.mesh_files import LEGAL, Beside, read_mesh
 from raymarch.sdf.nearest import Surface
 from raymarch.sdf.node import Node, method
 from raymarch.sdf.solids import box
+from raymarch.sdf.values import with_bound
 
 __all__ = ["grid", "heightmap", "isosurface", "mesh"]
 
