@@ -22,13 +22,14 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, NamedTuple, TypeAlias
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from raymarch.expr import hashing, samples, tables, textures
 from raymarch.expr.arrays import FLOAT64, SHORTEST, SMALLEST, lift
 from raymarch.expr.evaluate import Program, Rule
-from raymarch.expr.function import Loop
+from raymarch.expr.function import Function, Loop
 from raymarch.expr.node import Expr
 from raymarch.expr.types import BOOL, FLOAT, Type
 from raymarch.proof import rounding as r
@@ -800,8 +801,43 @@ RULES: Mapping[str, Rule] = {
 }
 
 
+SOLVED: WeakKeyDictionary[Function, float] = WeakKeyDictionary()
+"""Functions of a point that solve an equation in a loop, with their Lipschitz constants, which are assumed."""
+
+
+def _solved(program: Program, steepest: float, point: Span, *params: Span) -> Span | None:
+    """The value at the centre, and a slope of at most the constant times the speed; None for parameters that vary.
+
+    Newton's method on intervals diverges, although the root hardly moves.
+    """
+    if point.slope is None or any(v.slope is not None for v in params):
+        return None
+    at = program(still(point.at), *[still(v.at) for v in params])[0].range
+    square: Interval = r.total(r.square(point.slope))
+    rise = r.up(steepest * r.root(square)[1])
+    wide = _without_bounds(())
+    return spanned(*wide, at, (-rise, rise))
+
+
+def _call(node: Expr) -> Rule:
+    """The step of a call."""
+    definition: Function = node.data
+    program = definition.once(
+        ("program", ENCLOSURES), lambda: Program([definition.body], definition.params, ENCLOSURES)
+    )
+
+    def step(*values: Any) -> Any:
+        steepest = SOLVED.get(definition)
+        found = None if steepest is None else _solved(program, steepest, *values)
+        return program(*values)[0] if found is None else found
+
+    return step
+
+
 class Enclosures:
     """The reading; its state is that of `stretches`. Parameters and time have the values that `bound` set."""
+
+    makers: Mapping[str, Callable[[Expr], Rule]] = {"call": _call}
 
     @property
     def rules(self) -> Mapping[str, Rule]:

@@ -14,13 +14,15 @@ from numpy.typing import NDArray
 
 from raymarch.expr.arrays import bound
 from raymarch.expr.evaluate import Program
+from raymarch.expr.function import Function
 from raymarch.expr.node import Expr
 from raymarch.expr.types import STATE
 from raymarch.expr.walk import find, topological
-from raymarch.proof.enclosure import ENCLOSURES, Span, constant, jumping, stretches
+from raymarch.proof.enclosure import ENCLOSURES, SOLVED, Span, constant, jumping, stretches
 from raymarch.proof.rays import Boxes, Rays, Stretch, Whole
 from raymarch.proof.rounding import Array, Interval, up
 from raymarch.scene.parameter import Values
+from raymarch.sdf.labels import rows_of
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
 from raymarch.truth.large import numbered_forms
@@ -31,6 +33,12 @@ ROWS = 1 << 12
 
 SIDES = 3
 """Most operations that jump on a stretch whose sides are evaluated one by one."""
+
+OURS = "raymarch."
+"""Modules whose definitions are tested by this project."""
+
+LONG = 100
+"""Operations of a field that is long."""
 
 MARGIN = 1e-9
 """Relative margin of a box, over its largest coordinate: above rounding errors, far below a pixel."""
@@ -59,12 +67,14 @@ class Operands:
     """The operands of a solid.
 
     whole : True joins them to one, for rays that start inside of the solid: they leave it where they leave all.
+    assumed : constants that the proof takes from the definitions.
     """
 
     def __init__(self, root: Node, values: Values, rays: str, whole: bool) -> None:
         self.values, self.whole = values, whole
         parts = Parts(root)
         nodes: list[Node] = [root] if whole else [*parts.solids, *parts.blends]
+        self.assumed = _assumed([root])
         self.forms: list[Form] = []
         form_of, row_of = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
         found, forms, rows = numbered_forms([Lowering(rays=rays).field(node) for node in nodes])
@@ -205,6 +215,33 @@ class Operands:
     def met(self, rays: Rays, start: Array, end: Array) -> Stretch:
         """The parts of all rays, from start to end, in the boxes of the operands."""
         return self.boxes.met(rays, start, end)
+
+
+def _assumed(roots: Sequence[Node]) -> tuple[str, ...]:
+    """The shapes of the library whose field is long or solves an equation: their Lipschitz constants are assumed."""
+    found: dict[str, float] = {}
+    nodes = list(topological(list(roots), lambda node: node.children))
+    for rows in [rows for node in nodes if (rows := rows_of(node)) is not None]:
+        nodes += [node for form in rows.forms for node in topological([form.template], lambda node: node.children)]
+    for node in nodes:
+        if node.children or rows_of(node) is not None or not node.definition.source.__module__.startswith(OURS):
+            continue
+        field = node.definition.template(0, node.params)
+        loops = any(loop.data.until is not None for loop in find([field.body], "loop"))
+        if node.facts.exactness != "estimate" and (loops or _work(field) > LONG):
+            SOLVED[field] = max(node.facts.undivided, SOLVED.get(field, 0.0))
+            found[node.name] = SOLVED[field]
+    return tuple(f"{name}: its Lipschitz constant {value:.3g}" for name, value in sorted(found.items()))
+
+
+def _work(field: Function) -> int:
+    """Operations of a function, with those of the functions and loops that it calls, each as often as it is called."""
+    total = 0
+    for node in topological([field.body]):
+        if node.op in ("call", "loop"):
+            total += _work(node.data) if node.op == "call" else node.data.count * len(topological(node.data.inner))
+        total += 1
+    return total
 
 
 def _named(node: Expr) -> str:

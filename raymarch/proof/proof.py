@@ -52,6 +52,7 @@ class Proof:
     evaluations : (H, W) int64, enclosures of operands that were computed.
     reasons : what kept pixels open, with their number.
     tolerance : the tolerance as it was given.
+    assumed : constants of definitions that the proof relies on: those of shapes that solve an equation in a loop.
     """
 
     state: NDArray[np.uint8]
@@ -63,6 +64,7 @@ class Proof:
     evaluations: NDArray[np.int64]
     reasons: Mapping[str, int]
     tolerance: str = field(default="0.05px")
+    assumed: tuple[str, ...] = ()
 
     @property
     def share(self) -> float:
@@ -119,6 +121,7 @@ class Proof:
             "share": self.share,
             "evaluations": float(self.evaluations.mean()),
             "reasons": dict(self.reasons),
+            "assumed": list(self.assumed),
             "contradictions": [
                 {
                     "row": int(i),
@@ -187,7 +190,8 @@ def prove(
     end = np.minimum(far, pose.far / rate)
     reach = np.where(np.isfinite(hit), hit, end) if not pose.orthographic else np.ones(hit.shape)
     tolerance = np.full(hit.shape, length) if share is None else share * pose.pixel(height) * reach
-    verdict, reasons = _verdict(scene.node, values, rays, start, end, hit, tolerance, progress)
+    operands = Operands(scene.node, values, "camera", whole=False)
+    verdict, reasons = _verdict(operands, scene.node, values, rays, start, end, hit, tolerance, progress)
     shape = (height, width)
     return Proof(
         state=verdict.state.reshape(shape),
@@ -199,6 +203,7 @@ def prove(
         evaluations=verdict.evaluations.reshape(shape),
         reasons=reasons,
         tolerance=text,
+        assumed=operands.assumed,
     )
 
 
@@ -235,6 +240,7 @@ def _rays(pose: Pose, size: tuple[int, int]) -> Rays:
 
 
 def _verdict(
+    outside: Operands,
     node: Node,
     values: Values,
     rays: Rays,
@@ -245,7 +251,6 @@ def _verdict(
     progress: Callable[[float], None] | None,
 ) -> tuple[Verdict, dict[str, int]]:
     """The verdicts of the rays that start outside of the solid, and of those that start inside, which seek the exit."""
-    outside = Operands(node, values, "camera", whole=False)
     inside = outside.holds(rays, start)
     result, reasons, done = Verdict.unknown(start), Counter[str](), 0
     for held in (False, True):

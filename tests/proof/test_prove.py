@@ -11,6 +11,7 @@ import pytest
 
 import raymarch as rm
 from raymarch.errors import SceneError
+from raymarch.scene.parameter import Values
 from raymarch.sdf.definition import cube
 from raymarch.sdf.domain import Positive
 
@@ -171,3 +172,26 @@ def test_where_nothing_is_shown_nothing_is_contradicted() -> None:
     sheet = rm.sphere() ^ rm.sphere()
     found = rm.prove(sheet, rm.truth(rm.sphere(), size=(16, 16)), size=(16, 16))
     assert found.contradicted == 0 and found.open > 0
+
+
+def test_a_shape_that_solves_an_equation_is_proved_by_its_constant_which_is_named() -> None:
+    scene = rm.Scene(rm.ellipsoid((2.0, 1.0, 1.4)) | rm.plane(offset=-1), camera=SCENE.camera)
+    found = rm.prove(scene, size=SIZE)
+    assert found.share == 1.0 and found.assumed == ("ellipsoid: its Lipschitz constant 1",)
+    assert rm.prove(SCENE, size=(4, 4)).assumed == ()
+
+
+def test_100_000_objects_ask_those_on_a_ray_alone() -> None:
+    """With hits in closed form."""
+    places = np.random.default_rng(1).uniform(-100, 100, (100_000, 3)).astype(np.float32).astype(np.float64)
+    scene = rm.Scene(rm.instances(rm.box(1.0), places), camera=rm.Camera((0.3, 0.2, 150), (0, 0.1, 0)))
+    origins, directions = scene.pose(Values({}, 0.0), 16 / 9).rays(np.arange(16), np.arange(9)[:, None], (16, 9))
+    depth = np.full((9, 16), np.inf)
+    for i, j in np.ndindex(9, 16):
+        sides = [
+            (places + half - np.broadcast_to(origins, (9, 16, 3))[i, j]) / directions[i, j] for half in (-0.5, 0.5)
+        ]
+        enter, leave = np.minimum(*sides).max(axis=1), np.maximum(*sides).min(axis=1)
+        depth[i, j] = np.min(enter, where=enter <= leave, initial=np.inf)
+    found = rm.prove(scene, with_depth(depth))
+    assert np.isfinite(depth).sum() > 100 and found.share == 1.0 and found.evaluations.mean() < 20
