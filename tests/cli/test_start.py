@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+import zipfile
 from importlib import import_module
 from pathlib import Path
 
@@ -242,3 +243,23 @@ def test_a_log_gets_lines_of_progress(monkeypatch: pytest.MonkeyPatch, capsys: p
             now[0] = float(second)
             tell(second / 10)
     assert capsys.readouterr().err.splitlines() == [" 25 %  exporting", " 50 %  exporting"]
+
+
+def test_the_package_works_from_a_zip_archive(tmp_path: Path) -> None:
+    """As a wheel on PYTHONPATH: templates, GLSL modules and what workers are sent are read from the archive."""
+    with zipfile.ZipFile(tmp_path / "raymarch.whl", "w") as archive:
+        for file in (ROOT / "raymarch").rglob("*"):
+            if file.is_file() and file.suffix != ".pyc":
+                archive.write(file, file.relative_to(ROOT))
+    (tmp_path / "hello.py").write_text("import raymarch as rm\nscene = rm.sphere()\n")
+    environment = os.environ | {"PYTHONPATH": str(tmp_path / "raymarch.whl")}
+    code = f"""
+import sys
+from raymarch.cli import main
+from raymarch.cost.html import templates
+assert {str(tmp_path)!r} in sys.modules["raymarch"].__file__
+templates()
+main(["export", "hello.py", "-o", "hello.html"])
+"""
+    done = subprocess.run([sys.executable, "-c", code], env=environment, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0 and (tmp_path / "hello.html").stat().st_size > 20_000, done.stderr

@@ -85,6 +85,20 @@ def test_the_window_shows_what_render_draws_at_every_size(view: View) -> None:
     assert session.events()[-1]["event"] == "closed"
 
 
+def test_windows_of_one_pixel_across_live(view: View) -> None:
+    """With the panel, whose parts have no room, and after a change of size."""
+    session = view(SCENE, "--size", "1x300", "--samples", "2")
+    for size in ((1, 300), (300, 1), (1, 1), (40, 30)):
+        mark = session.mark()
+        if session.hand.size != size:
+            session.hand.resize(*size)
+            session.wait("resize", lambda e, size=size: e["size"] == list(size), mark)
+        session.settled()
+        assert session.hand.size == size
+    session.hand.close_window()
+    assert session.end() == 0 and session.complaints() == ""
+
+
 def test_a_dense_screen_gets_more_pixels(display: str, view: View) -> None:
     hand = Hand(display)
     hand.set_resource("Xft.dpi:\t192\n")
