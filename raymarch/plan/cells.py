@@ -191,7 +191,8 @@ class _Builder:
         self.reach, self.lowers = 0.0, 0.0
         if self.blended:
             self.reach = REACH[rows.family] * rows.k
-            self.lowers = 0.25 * rows.k * np.ceil(np.log2(max(len(rows), 2)))
+            operands = 1 + max(int(form.order.max()) for form in rows.forms)  # of the tree, also those of other rows
+            self.lowers = 0.25 * rows.k * np.ceil(np.log2(max(operands, 2)))
             a, b, k = var("a", FLOAT), var("b", FLOAT), var("k", FLOAT)
             folded = FAMILIES[rows.family](4).fold(a, b, k)
             self._fold = evaluator([folded], [a, b, k])
@@ -207,6 +208,9 @@ class _Builder:
         self.fine = n <= FINE_GRID and not self.blended and not rows.live
         size = float(np.cbrt(np.prod(edges) / (n * (FINE_CELLS if self.fine else 1))))
         size = max(size, float(np.cbrt(np.prod(edges) / CELLS)), float(extent.max()) / 1024.0)
+        # In smaller cells, rounding leaves all objects around a point in doubt.
+        smallest = 8.0 * ROUNDING * float(np.abs([low, high]).max())
+        size = max(size, smallest)
         self.need = exact
         most = min(CELLS, AROUND + AROUND_EACH * n)
         pad = 0.5 * size + (exact + self.less) / self.steepness
@@ -216,6 +220,8 @@ class _Builder:
             size *= 1.26
             counts = np.ceil((extent + 2.0 * pad) / size).astype(np.int64)
         self.size, self.counts = size, counts
+        if size < smallest * 2.0**self.finest:
+            self.finest = int(np.log2(size / smallest))
         self.low = 0.5 * (low + high) - 0.5 * size * counts
         self.largest = float(np.max(np.abs([self.low, self.low + size * counts])))
         held = self.bounded
@@ -554,7 +560,7 @@ class _Builder:
         merges = np.zeros(len(items), np.int64)
         most = int(counts.max(initial=1))
         # The open levels of a cell descend, so there are no more than bits in a rank.
-        open_levels = np.zeros((len(counts), len(self.rows).bit_length() + 2), np.int64)
+        open_levels = np.zeros((len(counts), int(self.order.max()).bit_length() + 2), np.int64)
         height = np.zeros(len(counts), np.int64)
         deepest = 1
         for position in range(most):

@@ -18,9 +18,10 @@ from raymarch.errors import PlanError
 from raymarch.expr.node import Expr, var
 from raymarch.expr.types import BOOL, FLOAT
 from raymarch.expr.walk import find, rebuild, topological
+from raymarch.plan.groups import groups
 from raymarch.plan.hoisting import NEVER_HOISTED
 from raymarch.scene.scene import all_nodes
-from raymarch.sdf.booleans import Blend, blend_of
+from raymarch.sdf.booleans import Blend, blend_of, union
 from raymarch.sdf.derivation import divisor_of
 from raymarch.sdf.instancing import instanced
 from raymarch.sdf.labels import rows_of
@@ -127,15 +128,14 @@ class Gatherer:
     def visit(self, node: Node, exact: float, depth: int) -> Node:
         """The tree with objects as rows; `exact` as for `gather`, in the units of this tree."""
         if (rows := rows_of(node)) is not None:
-            self._keep(rows, exact)
-            return node
+            parts = self._keep(rows, exact)
+            return node if len(parts) == 1 else self._joined(node, parts)
         if node.placed_as == "union":
             return self._union(node, exact, depth)
         if (blend := blend_of(node)) is not None and blend.width.is_constant:
             rows = self._blend(node, blend)
             if rows is not None:
-                self._keep(rows, exact)
-                return at_line_of(node, instanced(rows))
+                return self._joined(node, self._keep(rows, exact))
             outer, self.blended = self.blended, True
             made = self._below(node, exact + _margin(blend, len(node.children)), depth)
             self.blended = outer
@@ -154,8 +154,17 @@ class Gatherer:
         self._refuse_instances(node)
         return node
 
-    def _keep(self, rows: Rows, exact: float) -> None:
-        self.made.rows[rows] = max(exact, self.made.rows.get(rows, 0.0))
+    def _keep(self, rows: Rows, exact: float) -> list[Rows]:
+        """Note rows, divided into groups far apart, which are returned."""
+        parts = groups(rows, exact)
+        for part in parts:
+            self.made.rows[part] = max(exact, self.made.rows.get(part, 0.0))
+        return parts
+
+    def _joined(self, node: Node, parts: Sequence[Rows]) -> Node:
+        """The union of the groups of a node."""
+        made = [at_line_of(node, instanced(part)) for part in parts]
+        return made[0] if len(made) == 1 else at_line_of(node, union(*made))
 
     def _below(self, node: Node, exact: float, depth: int) -> Node:
         if depth > DEEPEST or not node.children:
@@ -207,8 +216,7 @@ class Gatherer:
             if some or instances:
                 forms = [self._form([operands[i] for i in members], members) for members in some.values()]
                 rows = self._rows(forms, instances, len(operands))
-                self._keep(rows, exact)
-                children.append(at_line_of(node, instanced(rows)))
+                children += [at_line_of(node, instanced(part)) for part in self._keep(rows, exact)]
         if len(children) == 1:
             return children[0]
         return replaced(node, tuple(children))

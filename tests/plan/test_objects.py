@@ -96,16 +96,46 @@ def test_memory_grows_as_the_objects_do_whatever_their_arrangement(name, k):
     """NumPy tells tracemalloc of its arrays."""
     places = arranged(name, 200)
     node = rm.union(*[rm.sphere(RADIUS).translate(place) for place in places], k=k)
-    (rows,) = gather(node, "data", 0.0).rows
+    found = gather(node, "data", 0.0).rows
     tracemalloc.start()
     try:
-        cells.build(rows, 0.0)
+        for rows in found:
+            cells.build(rows, 0.0)
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
     assert peak < 200 * (1 << 17)
     if name != "two groups":  # in float32, the spheres of the second are points
         assert_same(node, places + np.random.default_rng(1).normal(scale=2 * RADIUS, size=places.shape))
+
+
+@pytest.mark.parametrize("k", [0.0, 0.005])
+@pytest.mark.parametrize("name", ["one cluster", "two groups"])
+def test_groups_far_apart_have_grids_of_their_own(name, k):
+    """In one grid, a cell would list all objects of a group."""
+    places = arranged(name, 600) if name == "one cluster" else arranged(name, 600) * (1e-2, 1.0, 1.0)
+    balls = [rm.sphere(RADIUS).translate(place) for place in places]
+    node = rm.union(*balls, k=k)
+    found = gather(node, "data", 0.0)
+    assert sorted(map(len, found.rows)) == ([10, 590] if name == "one cluster" else [300, 300]) and found.data == 600
+    near = onto(node, places + np.random.default_rng(1).normal(scale=RADIUS, size=places.shape))
+    each = [ObjectsInCells(found.rows).located(rows).field for rows in found.rows]
+    values = np.min([evaluator([field.body], field.params)(near)[0] for field in each], axis=0)
+    np.testing.assert_allclose(values, node.distance(near), atol=2e-7 * np.abs(places).max(), rtol=0)
+    if name == "two groups":
+        assert max(cells.build(rows, 0.0).most for rows in found.rows) < 100
+    wide = rm.union(*balls, k=4e3)
+    assert len(gather(wide, "data", 0.0).rows) == 1, "its operands blend across the gap"
+    copies = gather(rm.instances(rm.sphere(RADIUS), places), "data", 0.0)
+    assert len(copies.rows) == 2
+    np.testing.assert_allclose(copies.node.distance(near), rm.union(*balls).distance(near), atol=1e-9)
+
+
+def test_cells_are_not_smaller_than_rounding():
+    """Far from the origin all objects around a point stay in doubt, so halving would only take memory."""
+    (rows,) = gather(rm.union(*[ball.translate((1e6, 0, 0)) for ball in objects(60)]), "data", 0.0).rows
+    made = cells.build(rows, 0.0)
+    assert made.size >= 8.0 * cells.ROUNDING * 1e6 and len(made.texels) < 1000
 
 
 @pytest.mark.parametrize("blend", ["quadratic", "cubic", "quartic", "circular"])
