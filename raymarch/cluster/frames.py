@@ -28,7 +28,7 @@ from raymarch.export.stills import Shot, is_whole, key_of
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import instance, integer, optional, real, short, switch
 from raymarch.files import import_optional, write, written
-from raymarch.gpu.part import Part
+from raymarch.gpu.part import PicturePart
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.views import VIEWS
 from raymarch.scene.parameter import ParamValue
@@ -106,7 +106,7 @@ def draw_items(
             return cluster.client.submit(draw_batch, sent, job, pictures, key=name, **how)
         shares = []
         for k, share in enumerate(shares_of(scene.quality.samples, options.split)):
-            part = item.part or Part(item.size)
+            part = item.part or PicturePart(item.size)
             one = replace(item, part=replace(part, samples=share))
             shares.append(cluster.client.submit(draw_item, sent, job, one, contents.of(one), key=f"{name}-{k}", **how))
         return cluster.client.submit(merge, sent, job, content, *shares, key=f"{name}-all", **how)

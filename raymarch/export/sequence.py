@@ -17,7 +17,7 @@ from raymarch.errors import RaymarchError, SceneError
 from raymarch.export.film import FILMS, check_film, write_film
 from raymarch.export.stills import FORMATS, NUMBERS, Shot, content_of, save
 from raymarch.files import UNFINISHED, import_optional, written
-from raymarch.gpu.part import Part, prepared_part
+from raymarch.gpu.part import PicturePart, prepared_part
 from raymarch.gpu.prepare import Prepared, assembled, passes_for
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.tiles import split
@@ -58,7 +58,7 @@ class Item:
     time: float
     file: Path
     size: tuple[int, int]
-    part: Part | None = None
+    part: PicturePart | None = None
 
 
 def frames_of(
@@ -115,7 +115,7 @@ def tiles_of(
         raise error(f"'{target}' of {size[0]}x{size[1]} pixels", legal=f"a .tif, or up to {IN_MEMORY} pixels")
     folder = _parts_folder(target, "tiles")
     return [
-        Item(f"tile {x},{y}", time, folder / f"tile_{y:06d}_{x:06d}.png", own, Part(size, (x, y)))
+        Item(f"tile {x},{y}", time, folder / f"tile_{y:06d}_{x:06d}.png", own, PicturePart(size, (x, y)))
         for (x, y), own in split(size, edge)
     ]
 

@@ -20,7 +20,7 @@ from raymarch.errors import RenderError
 from raymarch.expr.images import write_channels
 from raymarch.gpu.context import Driver
 from raymarch.gpu.frame import Frame
-from raymarch.gpu.part import Part
+from raymarch.gpu.part import PicturePart
 from raymarch.gpu.prepare import Prepared, Wanted, frame_uniforms
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.scale import with_bar
@@ -85,7 +85,7 @@ def content_of(
     params: Mapping[str, ParamValue],
     outputs: Sequence[Wanted],
     label: str,
-    part: Part | None = None,
+    part: PicturePart | None = None,
 ) -> str | None:
     """A hash of all that determines a picture, except the driver: shader, values, size. None if the picture also
     depends on earlier frames.
@@ -145,7 +145,7 @@ def draw(
     scene: Scene,
     shot: Shot,
     time: float,
-    part: Part | None = None,
+    part: PicturePart | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[Frame, list[str]]:
     """A frame and the reasons to doubt it. A part is doubted only for values out of their range.

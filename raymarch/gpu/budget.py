@@ -55,7 +55,7 @@ class Budget:
 
 
 @dataclass(slots=True)
-class Pace:
+class LightPace:
     """The time of passes that add samples of light: a fixed time, and one for each sample. They are those of the line
     through the passes so far by least squares, in which recent passes count more.
 

@@ -13,7 +13,7 @@ import numpy as np
 from raymarch.gpu.budget import Budget
 from raymarch.gpu.frame_inputs import FrameInputs, content
 from raymarch.gpu.history import History
-from raymarch.gpu.part import Part, covering
+from raymarch.gpu.part import PicturePart, covering
 from raymarch.gpu.prepare import Prepared
 from raymarch.gpu.program import Program
 from raymarch.gpu.resource_cache import ResourceCache
@@ -92,7 +92,7 @@ class Drawing:
         history: History,
         budget: Budget | None = None,
         at: Callable[[float], FrameInputs] | None = None,
-        part: Part | None = None,
+        part: PicturePart | None = None,
     ) -> None:
         self.resources, self.ready, self.inputs, self.size = resources, ready, inputs, size
         self.history, self.budget, self.at, self.part = history, budget, at, part

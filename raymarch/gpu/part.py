@@ -15,7 +15,7 @@ Box = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class PicturePart:
     """A part of a picture that a renderer of the part's size draws. Its pixels are those of the whole picture, bit for
     bit.
 

@@ -14,7 +14,7 @@ from raymarch.expr.arrays import bound, evaluator_of
 from raymarch.expr.convert import described, short
 from raymarch.expr.node import Expr
 from raymarch.expr.raw import without_twin
-from raymarch.gpu.budget import Pace
+from raymarch.gpu.budget import LightPace
 from raymarch.gpu.program import FULL_SCREEN, RAYS, Elements
 from raymarch.gpu.slices import Slice
 from raymarch.plan import OUTPUTS, Plan, marching, plan
@@ -52,7 +52,7 @@ class Prepared:
     constants: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     rest: Callable[..., tuple[Any, ...]] | None = None
     effects: Mapping[str, Shader] = field(default_factory=dict)
-    pace: Pace = field(default_factory=Pace, compare=False)
+    pace: LightPace = field(default_factory=LightPace, compare=False)
 
 
 def prepare(scene: Scene, outputs: Sequence[Wanted] = ("color",), size: tuple[int, int] | None = None) -> Prepared:

@@ -24,7 +24,7 @@ from raymarch.gpu.draw_calls import DrawCall, Drawing, count_draws
 from raymarch.gpu.frame import Frame, Timing, not_rendered
 from raymarch.gpu.frame_inputs import FrameInputs
 from raymarch.gpu.history import History
-from raymarch.gpu.part import Part, prepared_part
+from raymarch.gpu.part import PicturePart, prepared_part
 from raymarch.gpu.prepare import Prepared, Wanted, assembled, frame_uniforms, name_of, passes_for
 from raymarch.gpu.program import in_pass
 from raymarch.gpu.resource_cache import ResourceCache, check_compile_time
@@ -59,7 +59,7 @@ class _Picture:
     pose: Pose
     outputs: Sequence[Wanted]
     size: tuple[int, int]
-    part: Part | None = None
+    part: PicturePart | None = None
 
 
 class Renderer:
@@ -168,7 +168,7 @@ class Renderer:
         progress: Progress | None = None,
         pose: Pose | None = None,
         within: float | None = None,
-        part: Part | None = None,
+        part: PicturePart | None = None,
     ) -> Frame:
         """Render one frame of a scene.
 
@@ -210,7 +210,7 @@ class Renderer:
         time: float,
         outputs: Sequence[Wanted],
         pose: Pose | None,
-        part: Part | None = None,
+        part: PicturePart | None = None,
     ) -> _Picture:
         """What a frame shows, once its values are checked."""
         values = set_values(self.prepared(scene, outputs, part).plan.parameters, params, time, scene.where)
@@ -362,7 +362,9 @@ class Renderer:
         while len(self._prepared) > max(PLANNED, self.kept // 4):
             self._prepared.popitem(last=False)
 
-    def prepared(self, scene: Scene, outputs: Sequence[Wanted] = ("color",), part: Part | None = None) -> Prepared:
+    def prepared(
+        self, scene: Scene, outputs: Sequence[Wanted] = ("color",), part: PicturePart | None = None
+    ) -> Prepared:
         """The plan and shader of a scene, or of parts of its picture, from the cache if possible."""
         size = self.planned_for or self._size if part is None else part.whole
         asked = (tuple(passes_for(outputs)), size, part is None)

@@ -103,19 +103,19 @@ def sentences(reports: Sequence[Report]) -> Iterator[str]:
         if report.first is not None:
             first = report.first
             yield (
-                f"{report.place}: {first.what}, {first.value:g}, evaluated at {_shown(first.position)}, first in pixel "
-                f"{first.pixel}, in {report.faults} pixels"
+                f"{report.place}: {first.what}, {first.value:g}, evaluated at {_point_text(first.position)}, "
+                f"first in pixel {first.pixel}, in {report.faults} pixels"
             )
     for report in reports:
         if report.broken and not report.inherits and report.steepest is not None:
             position, pixel = report.steepest
             yield (
                 f"{report.place}: slope {report.slope:.5g} exceeds the Lipschitz bound {report.promise:.5g} at "
-                f"{_shown(position)}, pixel {pixel}"
+                f"{_point_text(position)}, pixel {pixel}"
             )
     for report in reports:
         yield from (f"{report.place}: {sentence}" for sentence in report.refuted)
 
 
-def _shown(position: Vector) -> str:
+def _point_text(position: Vector) -> str:
     return "({})".format(", ".join(f"{v:.6g}" for v in position))

@@ -55,7 +55,7 @@ Carried: TypeAlias = Callable[[int, tuple[Expr, Expr]], Sequence[Expr]]
 
 
 @dataclass(eq=False)
-class Bounded:
+class BoundedUnion:
     """A hard union with operands that are evaluated in their boxes only.
 
     operands : the other operands together, if there are any, then those with boxes; each with its function.
@@ -150,7 +150,7 @@ def inner_point(function: Function, facts: Facts) -> tuple[NDArray[np.float64], 
 
 
 @dataclass(eq=False)
-class Bounding:
+class BoundedUnions:
     """Chooses the operands that are evaluated in their boxes only; see `raymarch.sdf.lower.Bounding`.
 
     asked : see `Quality.bounding_volumes`. hoist : hoists the functions of operands. made : the unions with operands
@@ -159,7 +159,7 @@ class Bounding:
 
     asked: bool | None
     hoist: Hoisting
-    made: list[Bounded] = field(default_factory=list)
+    made: list[BoundedUnion] = field(default_factory=list)
     refused: str = ""
     _kept: dict[Function, Function] = field(default_factory=dict)
 
@@ -202,7 +202,7 @@ class Bounding:
         found = [i for i, (child, body) in pairs if _has_bound(child.facts) and self._is_costly(body)]
         return found if len(found) >= (1 if self.asked else FEWEST) and not find(bodies, "cell") else []
 
-    def bounded(self, node: Node, children: Sequence[Node], functions: Sequence[Function]) -> Bounded | None:
+    def bounded(self, node: Node, children: Sequence[Node], functions: Sequence[Function]) -> BoundedUnion | None:
         """The union with some operands in boxes, None if none is worth it."""
         chosen = self.chosen(children, [function.body for function in functions])
         if not chosen:
@@ -220,7 +220,7 @@ class Bounding:
         boxes = [child.facts for child, _ in inside]
         costly = [function for _, function in hoisted[-len(boxes) :]]
         points = [inner_point(function, facts) for function, facts in zip(costly, boxes, strict=True)]
-        made = Bounded(hoisted, boxes, [point for point in points if point is not None], node.where)
+        made = BoundedUnion(hoisted, boxes, [point for point in points if point is not None], node.where)
         self.made.append(made)
         return made
 

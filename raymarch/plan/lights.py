@@ -49,7 +49,7 @@ Key: TypeAlias = tuple[type[Light], tuple[str, ...], bool]
 
 
 @dataclass(frozen=True, slots=True)
-class Form:
+class LightForm:
     """Lights that share one function: those of a class with the same values given.
 
     function : samples a light; its parameters are the values in order, after those of `GIVEN` that it reads.
@@ -79,7 +79,7 @@ class Form:
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class LightTable:
     """The rows of some lights, of which only values that change are evaluated in each frame.
 
     forms : by their keys; see `key`. kinds : the kinds of shadow that the lights cast; their numbers in the texture are
@@ -89,7 +89,7 @@ class Table:
     light reaches, (lights, 4). limited : number of lights that have such a ball.
     """
 
-    forms: dict[Key, Form]
+    forms: dict[Key, LightForm]
     kinds: list[str]
     headed: bool
     fixed: NDArray[np.float64]
@@ -117,13 +117,13 @@ class _Lights:
         return id(self.lights)
 
 
-def table(scene: Scene) -> Table:
+def table(scene: Scene) -> LightTable:
     """The table of the lights of a scene."""
     return _table(_Lights(scene.lights))
 
 
 @lru_cache(16)
-def _table(of: _Lights) -> Table:
+def _table(of: _Lights) -> LightTable:
     found, kinds = _forms(of.lights), {shadow_of(light) for light in of.lights}
     ordered = [kind for kind in SHADOWS if kind in kinds]
     head = len(found) > 1 or bool(ordered) or any(form.area for form in found.values())
@@ -151,11 +151,11 @@ def _table(of: _Lights) -> Table:
                 else:
                     changing.append((i, first, value))
     limited = sum(light.reach is not None for light in of.lights)
-    return Table(found, ordered, head, fixed, varied, balls, moving, limited)
+    return LightTable(found, ordered, head, fixed, varied, balls, moving, limited)
 
 
-def _forms(lights: Sequence[Light]) -> dict[Key, Form]:
-    found: dict[Key, Form] = {}
+def _forms(lights: Sequence[Light]) -> dict[Key, LightForm]:
+    found: dict[Key, LightForm] = {}
     for light in lights:
         of = key(light)
         if of not in found:
@@ -169,7 +169,7 @@ def _forms(lights: Sequence[Light]) -> dict[Key, Form]:
             sample = _function(f"sample{name}", record(LIGHT, *sample_of(light, values)), values)
             shown = ray_hit_of(light, values)
             ray = None if shown is None else _function(f"ray{name}", record(LIGHT_HIT, *map(expr, shown)), values)
-            found[of] = Form(sample, names, met, pdf, ray)
+            found[of] = LightForm(sample, names, met, pdf, ray)
     return found
 
 

@@ -18,7 +18,7 @@ from raymarch.expr.tables import Table, fetch
 from raymarch.expr.types import FLOAT, VEC3, struct
 from raymarch.expr.vocabulary import abs, get, normalize, parts_of, record, where
 from raymarch.expr.walk import find, free_variables, rebuild, rewrite, substitute
-from raymarch.plan.bounding import Bounded
+from raymarch.plan.bounding import BoundedUnion
 from raymarch.plan.hoisting import Hoisting
 from raymarch.plan.objects import Many, ObjectsInCells
 from raymarch.plan.shading import mapped, needs_surface, patterned
@@ -347,7 +347,7 @@ class _BoundedMaterials(_Evaluated):
         self.parts, self.wanted, self.below = parts, wanted, (of_group, of_many)
 
     def evaluated(self, p: Expr, at: Expr) -> tuple[Expr, Expr, Expr]:
-        assert isinstance(self.union, Bounded)
+        assert isinstance(self.union, BoundedUnion)
         distance, slope, nearest = self.union.walk(p, lambda i, pair: (pair[1], const(float(i))))
         values = [self._value(marked, at) for marked in self.marked]
         found = values[-1]

@@ -26,10 +26,10 @@ from raymarch.plan.passes import joining, with_cones
 from raymarch.plan.shading import Feature
 from raymarch.plan.stages import (
     Asked,
-    Drawn,
-    Fields,
+    FieldPlan,
+    PassPlan,
     Refuse,
-    Surfaces,
+    SurfacePlan,
     ask,
     compile_seconds,
     drawn_of,
@@ -81,7 +81,7 @@ def plan(
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Plan(Asked, Fields, Surfaces, Drawn):
+class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
     """The functions, modules and passes that draw a scene: the results of all stages, and what follows from them.
 
     probes : modules that inspect the field, each with its reason; see `raymarch.plan.probe`.

@@ -23,7 +23,7 @@ from raymarch.expr.operations import straight_lines
 from raymarch.expr.types import FLOAT, VEC3, Type
 from raymarch.plan import analytic, lights, marching, shading
 from raymarch.plan.analytic import Analytic
-from raymarch.plan.bounding import LEAST, Bounding
+from raymarch.plan.bounding import LEAST, BoundedUnions
 from raymarch.plan.gather import Gathered, Gatherer
 from raymarch.plan.hoisting import Hoisting
 from raymarch.plan.marching import Marching
@@ -112,7 +112,7 @@ def _refuse_mixed(scene: Scene, standalone: bool) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Objects:
+class ObjectPlan:
     """The objects that are rows. fewer : with the objects that are rows where text takes long to compile, if the plan
     may still choose these."""
 
@@ -120,23 +120,23 @@ class Objects:
     fewer: Gathered | None = None
 
 
-def objects_of(asked: Asked, all_fixed: bool) -> Objects:
+def objects_of(asked: Asked, all_fixed: bool) -> ObjectPlan:
     """Choose the objects that are rows. all_fixed : they do not depend on the cost of their text."""
     scene, quality = asked.scene, asked.scene.quality
     live = not asked.standalone and quality.temporal != "reproject"  # motion vectors are computed for text
     gatherer = Gatherer(quality.objects, exact_distance(scene), live)
     chosen = gatherer.gather(scene.node)
     if all_fixed or chosen.rows or quality.objects != "auto":
-        return Objects(chosen)
+        return ObjectPlan(chosen)
     fewer = gatherer.gather(scene.node, why="costly")
     costly = _costly(fewer)
     total = sum(operations for _, operations in costly)
     if total < COSTLY or quality.bounding_volumes:
-        return Objects(chosen, fewer if fewer.rows else None)
+        return ObjectPlan(chosen, fewer if fewer.rows else None)
     each = f"{sum(n for n, _ in costly)} of them take {LEAST} operations or more, {total:,} together"
     shared = f"each of {len(costly)} forms" if len(costly) > 1 else "all"
     why = f"{each} (from {COSTLY:,} on they are rows); text repeats them, rows share one function for {shared}"
-    return Objects(replace(fewer, reason=why))
+    return ObjectPlan(replace(fewer, reason=why))
 
 
 def _costly(gathered: Gathered) -> list[tuple[int, int]]:
@@ -150,7 +150,7 @@ def _costly(gathered: Gathered) -> list[tuple[int, int]]:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Fields:
+class FieldPlan:
     """The field, and how it is evaluated.
 
     hoist : replaces the time-only expressions of the functions of a shader.
@@ -165,7 +165,7 @@ class Fields:
     field: Function
     seen: Function | None
     hidden: Sequence[str]
-    bounding: Bounding
+    bounding: BoundedUnions
     analytic: Analytic
     gathered: Gathered
     located: Sequence[Located]
@@ -175,8 +175,8 @@ class Fields:
 
 
 def fields_of(
-    asked: Asked, objects: Objects, lowering: Lowering | None, refuse: Refuse | None
-) -> tuple[Fields, Lowering]:
+    asked: Asked, objects: ObjectPlan, lowering: Lowering | None, refuse: Refuse | None
+) -> tuple[FieldPlan, Lowering]:
     """The field, and the pass over its nodes that others continue. PlanError if it is too large.
 
     refuse : see `plan`.
@@ -206,7 +206,7 @@ def fields_of(
     if closed.used:
         closed = analytic.complete(closed, solid, field, lowering, hoist)
     refuse_extent(asked.view, asked.origin, seen or field)
-    found = Fields(
+    found = FieldPlan(
         hoist=hoist,
         field=field,
         seen=seen,
@@ -236,7 +236,7 @@ class _Lowered:
         self.objects = ObjectsInCells(gathered.rows)
         self.hidden = hiding_nodes(gathered.node)
         self.hoist = Hoisting(self.lowering.origins)
-        self.bounding = Bounding(asked.scene.quality.bounding_volumes, self.hoist)
+        self.bounding = BoundedUnions(asked.scene.quality.bounding_volumes, self.hoist)
         if gathered.rows:
             self.lowering.objects = self.objects
         self.lowering.rays = None if self.hidden else "camera"
@@ -273,7 +273,7 @@ def _refuse_hidden_glass(scene: Scene, solid: Node) -> None:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Surfaces(Materials):
+class SurfacePlan(Materials):
     """The functions that passes evaluate at a hit, besides those of materials. Each is None if it is not needed.
 
     joint : True if one function finds both gradient and material.
@@ -289,7 +289,7 @@ class Surfaces(Materials):
     twins: Mapping[str, Expr]
 
 
-def surfaces_of(asked: Asked, fields: Fields, lowering: Lowering) -> Surfaces:
+def surfaces_of(asked: Asked, fields: FieldPlan, lowering: Lowering) -> SurfacePlan:
     """The functions of normals, materials, distances and motion that the passes need."""
     scene, solid, hoist = asked.scene, fields.gathered.node, fields.hoist
     shaded, geometry, moving = asked.shaded, asked.geometry, BEFORE in asked.pictures
@@ -314,7 +314,7 @@ def surfaces_of(asked: Asked, fields: Fields, lowering: Lowering) -> Surfaces:
         place, twins = motion_of(solid, lowering, hoist)
         further.append(place)
     found = {"joint": joint, "gradient": gradient, "undivided": undivided, "further": further, "twins": twins}
-    return Surfaces(**vars(materials), **found)  # type: ignore[arg-type]
+    return SurfacePlan(**vars(materials), **found)  # type: ignore[arg-type]
 
 
 def kept_surface(asked: Asked, surfaces: Materials) -> list[tuple[str, Type]]:
@@ -334,24 +334,24 @@ def kept_surface(asked: Asked, surfaces: Materials) -> list[tuple[str, Type]]:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Drawn:
+class PassPlan:
     """The march of the rays, and all passes in drawing order."""
 
     marching: Marching
     passes: Sequence[Pass]
 
 
-def drawn_of(asked: Asked, fields: Fields, surfaces: Materials, size: tuple[int, int] | None) -> Drawn:
+def drawn_of(asked: Asked, fields: FieldPlan, surfaces: Materials, size: tuple[int, int] | None) -> PassPlan:
     """The passes that draw what is asked for. size : of the picture, as for `plan`."""
     march, passes = marching_of(asked, fields, size), asked.pictures
     several = not asked.standalone and [p.name for p in passes if p.shades] == ["color"] and lights.split(asked.scene)
     if several and surfaces.material is not None:
         texels = 1 + max(k for k, _ in lights.layout([type for _, type in kept_surface(asked, surfaces)]))
         passes = split_lights(passes, texels) if texels <= ATTACHMENTS else passes
-    return Drawn(marching=march, passes=with_cones(passes, march.cones))
+    return PassPlan(marching=march, passes=with_cones(passes, march.cones))
 
 
-def marching_of(asked: Asked, fields: Fields, size: tuple[int, int] | None) -> Marching:
+def marching_of(asked: Asked, fields: FieldPlan, size: tuple[int, int] | None) -> Marching:
     """The tracer and the cones of the marched solids."""
     closed, cells = fields.analytic, bool(fields.gathered.rows)
     marched = count_operations([closed.rest.body], turns=not cells) if closed.rest else fields.operations

@@ -78,7 +78,7 @@ def _shadows(scene: Scene) -> Iterator[Doubt]:
         yield _doubt(f"Quality(light_samples=...) has no effect: {why}")
 
 
-def _shown(scene: Scene) -> Iterator[Doubt]:
+def _emissive_at_lights(scene: Scene) -> Iterator[Doubt]:
     """Emissive solids at the place of a light: they hide it, or light the scene a second time."""
     areas = [light for light in scene.lights if getattr(light, "visible", True) is False]
     areas = [light for light in areas if light.has_position and light.arguments()["position"].is_constant]
@@ -166,7 +166,7 @@ RULES: tuple[Callable[[Scene], Iterator[Doubt]], ...] = (
     _bounces,
     _ambient,
     _shadows,
-    _shown,
+    _emissive_at_lights,
     _camera,
     _fog,
     _materials,

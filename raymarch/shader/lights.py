@@ -144,14 +144,14 @@ def visible_light(text: Lines, plan: Plan, values: Values) -> None:
     text.add("    return nearest;", "}", "")
 
 
-def _on_ray(form: lights.Form, values: Sequence[str]) -> str:
+def _on_ray(form: lights.LightForm, values: Sequence[str]) -> str:
     """The call of a form's `ray`."""
     assert form.ray is not None
     given = {POINT: "ray.origin", DIRECTION: "ray.direction"}
     return f"{form.ray.name}({', '.join([*(given[p] for p in form.ray.params if p in given), *values])})"
 
 
-def _sample(form: lights.Form, values: Sequence[str], dimension: str) -> str:
+def _sample(form: lights.LightForm, values: Sequence[str], dimension: str) -> str:
     """The call that samples a light. dimension : the first of two random dimensions, as GLSL text."""
     return _call(form.function, values, _two(dimension))
 
@@ -165,7 +165,7 @@ def _call(function: Function, values: Sequence[str], random: str = "") -> str:
     return f"{function.name}({', '.join([*(texts[p] for p in function.params if p in texts), *values])})"
 
 
-def _met(form: lights.Form, values: Sequence[str]) -> tuple[str, str]:
+def _met(form: lights.LightForm, values: Sequence[str]) -> tuple[str, str]:
     """The calls that give the light of a `direction`, and the density of the direction of `light`."""
     assert form.met is not None and form.pdf is not None
     return _call(form.met, values), _call(form.pdf, values)

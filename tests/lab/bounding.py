@@ -30,7 +30,7 @@ import numpy as np
 import raymarch as rm
 from raymarch.expr.node import const
 from raymarch.plan import bounding, plan
-from raymarch.plan.bounding import Bounded
+from raymarch.plan.bounding import BoundedUnion
 from raymarch.shader.assemble import Shader
 from tests.support.timing import frame_times
 
@@ -71,10 +71,10 @@ SCENES: dict[str, Callable[[], rm.Scene]] = {
 @contextmanager
 def counted(everywhere: bool) -> Iterator[None]:
     """Inside, a picture is the number of evaluations of operands with boxes; `everywhere`: with boxes of all space."""
-    text, begin = Shader.text, Bounded.__post_init__
+    text, begin = Shader.text, BoundedUnion.__post_init__
     box = bounding.distance_to_box
 
-    def renamed(self: Bounded) -> None:
+    def renamed(self: BoundedUnion) -> None:
         for _, function in self.operands[len(self.operands) - len(self.boxes) :]:
             function.name = "costly_field"
         begin(self)
@@ -89,7 +89,7 @@ def counted(everywhere: bool) -> Iterator[None]:
 
     with (
         mock.patch.object(Shader, "text", changed),
-        mock.patch.object(Bounded, "__post_init__", renamed),
+        mock.patch.object(BoundedUnion, "__post_init__", renamed),
         mock.patch.object(bounding, "distance_to_box", lambda f, p: const(-1.0) if everywhere else box(f, p)),
     ):
         yield

@@ -12,7 +12,7 @@ import raymarch as rm
 from raymarch.cost.effects import ablations
 from raymarch.errors import SceneError, SceneWarning
 from raymarch.expr.srgb import srgb_to_linear
-from raymarch.gpu.part import Part
+from raymarch.gpu.part import PicturePart
 from raymarch.gpu.prepare import prepare
 from raymarch.plan import plan
 from raymarch.scene.parameter import Values
@@ -213,7 +213,7 @@ def test_light_beyond_the_surfaces_is_in_a_transparent_picture(renderer: rm.Rend
 
 def test_what_cannot_have_it_says_so(renderer: rm.Renderer) -> None:
     with pytest.raises(SceneError, match=r"test_bloom.py:\d+: bloom of a part .* needs all pixels"):
-        renderer.render(with_bloom(), part=Part((96, 36)))
+        renderer.render(with_bloom(), part=PicturePart((96, 36)))
     with pytest.warns(SceneWarning, match="bloom is left out: an exported shader draws each pixel alone"):
         made = plan(with_bloom(), ("standalone",), standalone=True)
     assert [p.name for p in made.passes] == ["standalone"]
