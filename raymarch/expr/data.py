@@ -30,7 +30,7 @@ class Data:
 
     @label.setter
     def label(self, label: str) -> None:
-        self._label = printable(label)
+        self._label = printable(label).rstrip("\\")  # at the end of a line, a comment would go on in the next
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.label})"

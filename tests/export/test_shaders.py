@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 import raymarch as rm
 from raymarch.errors import RaymarchError, SceneError
 from raymarch.export import inputs
+from raymarch.expr.tables import Table
 from raymarch.expr.vocabulary import sin, vec3
 from raymarch.gpu import Renderer
 from raymarch.gpu.program import FULL_SCREEN, Program
@@ -214,6 +215,10 @@ def test_large_textures_are_samplers_and_arrays(renderer: Renderer, tmp_path: Pa
         grid = gl.texture3d((20, 20, 20), 1, arrays[samples].tobytes(), dtype="f4")
         grid.filter = (gl.NEAREST, gl.NEAREST)
     compare(drawn(renderer, text, {"u_resolution": (64, 48), base: picture_texture, samples: grid}), wanted)
+
+
+def test_a_label_does_not_continue_its_comment_in_the_next_line() -> None:
+    assert Table(np.zeros((2, 1)), "C:\\a\n\\").label == "C:\\a\\n"
 
 
 def test_textures_replace_no_file_of_the_user(tmp_path: Path) -> None:
