@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import Location, PlanError
-from raymarch.expr.glsl import TIME, literal
+from raymarch.expr.glsl import TIME
 from raymarch.expr.node import Expr
+from raymarch.expr.pieces import literal
 from raymarch.expr.samples import Samples
 from raymarch.expr.tables import Table
 from raymarch.expr.texels import Texels

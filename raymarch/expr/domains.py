@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import raymarch.expr.vocabulary as v
-from raymarch.expr.glsl import is_nonnegative
 from raymarch.expr.node import Expr, const, construct
+from raymarch.expr.templates import is_nonnegative
 from raymarch.expr.types import BOOL, FLOAT
 
 ROUNDING = 2.0**-18

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from raymarch.errors import SceneError, user_location
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import choice, real, short
-from raymarch.expr.glsl import identifier
+from raymarch.expr.identifiers import identifier
 from raymarch.expr.node import Expr, const
 from raymarch.expr.raw import RawFunction, Twin, raw, without_comments
 from raymarch.sdf.definition import shape

@@ -18,9 +18,10 @@ from raymarch.expr.atlas import EDGE, Place, packed
 from raymarch.expr.faults import COLOR
 from raymarch.expr.faults import code as fault_code
 from raymarch.expr.function import Function
-from raymarch.expr.glsl import TIME, Line, Text, literal, print_functions
+from raymarch.expr.glsl import TIME, Text, print_functions
 from raymarch.expr.hashing import PCG_GLSL
 from raymarch.expr.node import Expr
+from raymarch.expr.pieces import Line, literal
 from raymarch.expr.samples import Samples
 from raymarch.expr.tables import Table
 from raymarch.expr.texels import Texels

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from raymarch.expr.glsl import constant, filled
 from raymarch.expr.node import const
+from raymarch.expr.pieces import constant, filled
 from raymarch.plan import Plan
 from raymarch.plan.lights import visible
 from raymarch.scene.fields import SMOOTH

@@ -6,7 +6,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from raymarch.expr.glsl import filled, literal
+from raymarch.expr.pieces import filled, literal
 from raymarch.plan import Plan
 from raymarch.sdf.facts import Facts
 from raymarch.shader.chunk import Chunk, Lines

@@ -10,8 +10,8 @@ from string import Template
 from raymarch import glsl
 from raymarch.errors import Location
 from raymarch.expr.function import Function
-from raymarch.expr.glsl import constant
 from raymarch.expr.node import Expr
+from raymarch.expr.pieces import constant
 from raymarch.glsl import Declared
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from raymarch.expr.function import Function
-from raymarch.expr.glsl import literal
+from raymarch.expr.pieces import literal
 from raymarch.expr.walk import free_variables
 from raymarch.plan import Plan
 from raymarch.plan.lights import visible

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from raymarch.expr.function import Function
-from raymarch.expr.glsl import literal
 from raymarch.expr.node import Expr
+from raymarch.expr.pieces import literal
 from raymarch.plan import Plan, lights
 from raymarch.scene.light import (
     DIRECTION,

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.expr.function import Function
-from raymarch.expr.glsl import TIME, constant, literal
+from raymarch.expr.glsl import TIME
 from raymarch.expr.node import Operand, const, expr, var
+from raymarch.expr.pieces import constant, literal
 from raymarch.expr.srgb import ENCODE
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import max, normalize, tan

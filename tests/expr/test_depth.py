@@ -14,8 +14,9 @@ from raymarch.expr import Expr, Function, const, var
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.derivative import companion, gradient, partial_derivatives
 from raymarch.expr.evaluate import Program
-from raymarch.expr.glsl import is_nonnegative, print_functions
+from raymarch.expr.glsl import print_functions
 from raymarch.expr.intervals import INTERVALS, interval_of
+from raymarch.expr.templates import is_nonnegative
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.walk import depends_on, find, free_variables, substitute, topological
 from tests.support.recursion import few_calls

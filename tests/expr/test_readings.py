@@ -13,8 +13,9 @@ from raymarch.expr import intervals as interval_reading
 from raymarch.expr.arrays import RULES, evaluator, value_of
 from raymarch.expr.derivative import BACKWARD, FORWARD, PARTIALS, gradient
 from raymarch.expr.evaluate import Program
-from raymarch.expr.glsl import TEMPLATES, print_functions
+from raymarch.expr.glsl import print_functions
 from raymarch.expr.intervals import INTERVALS
+from raymarch.expr.templates import TEMPLATES
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import dot
 from raymarch.expr.walk import find

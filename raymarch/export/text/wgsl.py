@@ -10,21 +10,10 @@ from collections.abc import Mapping, Sequence
 
 from raymarch.errors import PlanError
 from raymarch.export.inputs import Text, harmonics, planned
-from raymarch.expr.glsl import (
-    ATOM,
-    ORDER,
-    TEMPLATES,
-    TIME,
-    Dialect,
-    FunctionPrinter,
-    Piece,
-    Template,
-    call_text,
-    constant,
-    print_functions,
-    wrap,
-)
+from raymarch.expr.glsl import TIME, Dialect, FunctionPrinter, print_functions
 from raymarch.expr.node import Expr, const, make
+from raymarch.expr.pieces import ATOM, ORDER, Piece, call_text, constant, wrap
+from raymarch.expr.templates import TEMPLATES, Template
 from raymarch.expr.types import BOOL, FLOAT, Type
 from raymarch.expr.walk import find, free_variables
 from raymarch.plan.hoisting import with_hoisted
