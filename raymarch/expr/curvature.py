@@ -153,7 +153,7 @@ def _kinds(e: Expr, args: list[Kinds], folds: Folds) -> Kinds:
     if e.op in _EACH:
         wide = [arg * size if len(arg) < size else arg for arg in args]
         return tuple(_EACH[e.op](*each) for each in zip(*wide, strict=True))
-    if e.op == "within":
+    if e.op in ("within", "stop_gradient"):
         return args[0]
     if e.op == "swizzle":
         return tuple(args[0]["xyzw".index(c)] for c in e.data)

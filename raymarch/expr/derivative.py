@@ -116,6 +116,7 @@ PARTIALS: Mapping[str, Partials] = {
     "min": (lambda e: _indicator(*e.args), lambda e: 1.0 - _indicator(*e.args)),
     "max": (lambda e: _indicator(*e.args[::-1]), lambda e: 1.0 - _indicator(*e.args[::-1])),
     "step": (None, None),
+    "stop_gradient": (None,),
     "clamp": (
         lambda e: _indicator(e.args[1], e.args[0]) * _within(e),
         lambda e: 1.0 - _indicator(e.args[1], e.args[0]),

@@ -24,7 +24,10 @@ HIDING = frozenset(
 _BOUNDED = HIDING - set("exp exp2 pow raw raw_slope call div mod".split()) | {"const", "var", "param", "time"}
 """Operations whose result is finite if their arguments are."""
 
-_HANDING_ON = {"neg", "abs", "swizzle", "construct", "where", "floor", "ceil", "fract", "sin", "cos", "mark", "within"}
+_HANDING_ON = {
+    *("neg", "abs", "swizzle", "construct", "where", "floor", "ceil", "fract", "sin", "cos"),
+    *("mark", "within", "stop_gradient"),
+}
 
 
 NOTHING = const([0.0, 0.0])

@@ -276,7 +276,7 @@ class FunctionPrinter:
                 finish(i, pieces[root])
 
     def _is_cheap(self, node: Expr) -> bool:
-        while node.op in ("swizzle", "field", "neg", "within") and node not in self.names:
+        while node.op in ("swizzle", "field", "neg", "within", "stop_gradient") and node not in self.names:
             node = node.args[0]
         return node.op in ("const", "var", "param", "time", "item") or node in self.names
 

@@ -9,7 +9,10 @@ from raymarch.expr.node import Expr
 from raymarch.expr.walk import topological
 
 FREE = frozenset(
-    {"const", "var", "param", "time", "swizzle", "item", "construct", "columns", "within", "record", "field"}
+    {
+        *("const", "var", "param", "time", "swizzle", "item", "construct", "columns", "record", "field"),
+        *("within", "stop_gradient"),
+    }
 )
 
 

@@ -244,6 +244,7 @@ SCALARS: Mapping[str, Callable[..., Series]] = {
     "pow": _power,
     "tan": lambda r, x: _divided(r, r.apply(x, "sin"), r.apply(x, "cos")),
     "within": lambda r, x: x,
+    "stop_gradient": lambda r, x: x,
     **{name: lambda r, x, name=name: r.apply(x, name) for name in SMOOTH if name != "reciprocal"},
 }
 

@@ -136,7 +136,7 @@ def is_nonnegative(e: Expr, depth: int = 4) -> bool:
             return any(map(shown, e.args))
         case "clamp":
             return all(map(shown, e.args[1:]))
-        case "within":
+        case "within" | "stop_gradient":
             return is_nonnegative(e.args[0], depth)
         case "param":
             return e.data.min is not None and bool(np.all(np.asarray(e.data.min) >= 0))
@@ -394,4 +394,5 @@ TEMPLATES: Mapping[str, Template] = {
     "finite": _finite,
     "probe": _probe,
     "within": lambda _printer, _node, pieces: pieces[0],
+    "stop_gradient": lambda _printer, _node, pieces: pieces[0],
 }

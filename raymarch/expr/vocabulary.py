@@ -241,8 +241,6 @@ def all_of(first: Expr, *conditions: Expr) -> Expr:
 
 
 def stop_gradient(x: Operand) -> Expr:
-    """x as a constant for derivatives: where a distance is stationary in x, its derivative by x is 0.
-
-    x is rounded to multiples of 2^-40: negligible in float32, and in float64 at second order.
-    """
-    return round(expr(x) * 2.0**40) * 2.0**-40
+    """x as a constant for derivatives, for a distance that is stationary in x: its derivative by x is 0."""
+    value = expr(x)
+    return value if value.is_constant else simplify("stop_gradient", value.type, (value,))

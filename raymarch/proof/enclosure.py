@@ -798,6 +798,7 @@ RULES: Mapping[str, Rule] = {
     "texture": _texture,
     "probe": lambda _node, value, *_: value,
     "within": lambda _node, value: value,
+    "stop_gradient": lambda _node, value: value,
 }
 
 

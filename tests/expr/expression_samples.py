@@ -773,6 +773,7 @@ sample(
     lambda a: each(lambda x: 6 * x, a),
     a=of(3),
 )
+sample("stopped", lambda a: v.stop_gradient(a * 3.0) * 2.0, lambda a: each(lambda x: 6 * x, a), fixed=("a",), a=of(3))
 sample("lattice", lambda a: hash(v.floor(a)), lambda a: lattice_hash(each(math.floor, a)), fixed=("a",), a=of(3))
 
 

@@ -9,7 +9,14 @@ import raymarch.expr.vocabulary as v
 from raymarch.errors import SceneError
 from raymarch.expr import Expr, Function, const, loop, trace, var
 from raymarch.expr.arrays import evaluator
-from raymarch.expr.derivative import companion, gradient, partial_derivatives, value_and_gradient, zero
+from raymarch.expr.derivative import (
+    companion,
+    directional_derivatives,
+    gradient,
+    partial_derivatives,
+    value_and_gradient,
+    zero,
+)
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.node import make
 from raymarch.expr.types import FLOAT, MAT2, VEC2, VEC3
@@ -244,3 +251,13 @@ def test_weights_of_marked_parts_can_be_evaluated() -> None:
     weights = partial_derivatives(v.min(*parts), parts)
     assert not find(weights, "mark")
     assert [w.tolist() for w in evaluator(weights, [A])(0.0)] == [1.0, 0.0]
+
+
+def test_a_stopped_value_is_a_constant_for_derivatives() -> None:
+    """Its own value is exact, also where it is tiny or large, and its derivative is 0 in both modes."""
+    x = var("x", FLOAT)
+    value = x * v.stop_gradient(x * x)
+    assert gradient(value, x) is v.stop_gradient(x * x)
+    assert directional_derivatives(value, x, [const(1.0)]) == [v.stop_gradient(x * x)]
+    given = np.array([1e-30, -3.7, 1e9])
+    np.testing.assert_array_equal(evaluator([v.stop_gradient(x)], [x])(given)[0], given)
