@@ -1,0 +1,40 @@
+"""The figures of the README and of the first page of the site are those of the ledger and of the code."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import re
+import statistics
+
+import pytest
+
+from raymarch.sdf.definition import REGISTRY
+from tests.docs.test_docs import ROOT
+
+PAGES = {"README.md": ROOT / "README.md", "index.md": ROOT / "docs" / "index.md"}
+NUMBERS = "no one two three four five six seven eight nine ten eleven twelve".split()
+
+
+def claim(page: str, heading: str) -> str:
+    """The row of a table whose first cell is a bold heading."""
+    rows = re.findall(r"^\| \*\*(.+?)\*\* \| (.+) \|$", PAGES[page].read_text(encoding="utf-8"), re.MULTILINE)
+    return dict(rows)[heading]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_the_error_is_tested_on_so_many_scenes(page: str) -> None:
+    rows = json.loads((ROOT / "tests" / "ledger.json").read_text())["rows"]
+    scenes = {name.rpartition(" ")[0] for name in rows}
+    assert f"on {NUMBERS[len(scenes)]} example scenes" in claim(page, "0.05 px")
+    certified = [row for name, row in rows.items() if name.endswith(" normal") and row.get("pixels_p99") is not None]
+    assert len(certified) >= 5 and all(row["pixels_p99"] <= 0.05 for row in certified)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_shape_takes_so_many_lines(page: str) -> None:
+    built_in = [shape for shape in REGISTRY.values() if shape.arity == "none" and "tests" not in shape.where.file]
+    sources = [inspect.getsource(shape.source) for shape in built_in if "raymarch" in shape.where.file]
+    lines = statistics.median(sum(bool(line.strip()) for line in source.splitlines()) for source in sources)
+    assert len(sources) >= 80
+    assert claim(page, f"{lines:.0f} lines").startswith(f"Median length of the {len(sources)} shapes")
