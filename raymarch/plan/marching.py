@@ -183,9 +183,7 @@ def clipped(scene: Scene) -> bool:
 
 
 def _choose_tracer(scene: Scene, certified: bool, refines: bool) -> tuple[str, str]:
-    quality, asked = scene.quality, scene.quality.tracer
-    if asked == "advance" and scene.node.exactness == "estimate":
-        asked = "auto"
+    quality, asked, not_certain = scene.quality, scene.quality.tracer, scene.node.exactness == "estimate"
     if not certified:
         if asked in ("auto", "bracketing") and refines and not quality.shortened:
             return "bracketing", "the field is an estimate, so a step is at most a pixel longer than its value"
@@ -196,7 +194,8 @@ def _choose_tracer(scene: Scene, certified: bool, refines: bool) -> tuple[str, s
         return "plain", "Quality(step_scale=..., step_variation=...) shortens plain steps"
     if asked == "advance":
         if not readable(scene.node):
-            return "bracketing", f"the tree has more than {DEEPEST} nodes one above the other"
+            deep = f"the tree has more than {DEEPEST} nodes one above the other"
+            return "bracketing", "an estimate does not tell how far a ray is free" if not_certain else deep
         return "advance", "Quality(tracer='advance')"
     if asked == "auto":
         return "bracketing", "the field is certified, so a step longer than the distance can be checked"

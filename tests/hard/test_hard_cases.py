@@ -17,6 +17,18 @@ def test_hard_case(case: Case, world: World) -> None:
     assert [(f.quantity, round_to(f.limit), f.because) for f in figures] == known, "run python -m tests.hard.table"
 
 
+RAYS = (2, 3, 4, 5, 6, 8, 16, 23, 25, 26, 27, 30, 35, 47, 57, 58, 59, 81, 83, 86, 88)
+"""Rows of rays that are drawn by the world alone, and soon."""
+
+
+@pytest.mark.filterwarnings("ignore::raymarch.errors.SceneWarning")
+@pytest.mark.parametrize("case", [case for case in cases() if case.row in RAYS], ids=lambda case: case.id)
+def test_rays_that_ask_how_far_they_are_free(case: Case, world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(world, "tracer", "advance")
+    for figure in case.measure(world):
+        assert figure.holds, f"{figure.quantity}: {figure.measured:g}, at most {figure.limit:g} ({figure.because})"
+
+
 def test_the_page_is_that_of_code_and_ledger() -> None:
     assert page(cases(), ledger()) == PAGE.read_text(encoding="utf-8"), "run python -m tests.hard.table"
     assert set(ledger()) == {case.id for case in cases()}

@@ -54,7 +54,11 @@ float hard_shadow(Surface surface, Light light) {
         if (i == 0) near = min(near, 0.5 * r);
 #ifdef CUTS
         if (r < -noise && t < end) return 0.0;
+#ifdef ADVANCE
+        bool empty = first || z <= at.r + way_behind;
+#else
         bool empty = first || z <= at.r + abs(r);
+#endif
         bool known = z > 0.0 && !first;
         slope = known ? (r - at.r) / z : 0.0;
         if (r <= near + GROWTH * t && empty && slope <= 0.0) {
@@ -65,7 +69,11 @@ float hard_shadow(Surface surface, Light light) {
 #else
         if (r <= min(near + GROWTH * t, 0.015625 * (end - t)) && t < end) return 0.0;
         slope = z > 0.0 ? (r - at.r) / z : 0.0;
+#ifdef ADVANCE
+        move(at, z <= at.r + way_behind, t, r, z > 0.0 ? slope : at.derivative);
+#else
         move(at, z <= at.r + abs(r), t, r, z > 0.0 ? slope : at.derivative);
+#endif
 #endif
     }
     return meets_ahead(at.r, slope, range.y - at.t) ? 0.0 : 1.0;

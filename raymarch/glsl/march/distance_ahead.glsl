@@ -10,7 +10,9 @@ float march_distance(Ray ray, float t) {
 #ifdef STRETCH
     adapt_stretch(found.y, level);
 #endif
-    return free_way(found, level, u_side);
+    float r = free_way(found, level, u_side);
+    way_behind /= 1.0 + u_cone;
+    return r;
 #else
 #ifdef ANALYTIC
     return way_ahead(ray, t, u_side, u_side < 0.0);

@@ -63,10 +63,18 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #endif
 #ifdef CUTS
         float derivative = z != 0.0 && !(first && next > 0.0) ? (next - at.r) / z : at.derivative;
+#ifdef ADVANCE
+        bool empty = first || z <= at.r + way_behind;  // else the step may have passed a surface
+#else
         bool empty = first || z <= at.r + abs(next);  // else the step may have passed a surface
+#endif
 #else
         float derivative = z != 0.0 ? (next - at.r) / z : at.derivative;
+#ifdef ADVANCE
+        bool empty = z <= at.r + way_behind;  // else the step may have passed a surface
+#else
         bool empty = z <= at.r + abs(next);  // else the step may have passed a surface
+#endif
 #endif
         bool closer = abs(next) < abs(at.r);
         bool passed = at.refining && !closer;

@@ -2,8 +2,14 @@
 // surface and inside, where it is not free, the field less that error. `side` is -1 inside of a solid.
 const float SLOPE_ERROR = 1.0e-6;  // of the slope along a ray in float32
 
+float way_behind;  // how far the ray is free before the last sample, by the value of the field alone
+bool by_distance;  // whether that is also all that is known ahead
+
 float free_way(vec2 found, float level, float side) {
-    return found.y > 0.0 && side > 0.0 ? found.y : side * found.x - level;
+    float r = side * found.x - level;
+    way_behind = abs(r);
+    by_distance = side < 0.0 || found.y < 1.01 * r;
+    return found.y > 0.0 && side > 0.0 ? found.y : r;
 }
 
 #ifdef ANALYTIC

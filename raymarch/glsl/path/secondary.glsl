@@ -63,7 +63,11 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
             continue;
         }
 #ifdef CUTS
+#ifdef ADVANCE
+        bool empty = entered || first || z <= at.r + way_behind;
+#else
         bool empty = entered || first || z <= at.r + abs(r);
+#endif
         bool known = z > 0.0 && !first;
         slope = entered ? at.last_derivative : known ? (r - at.r) / z : 0.0;
         bool unproven = empty && near && r >= -noise;
@@ -72,7 +76,11 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
             continue;
         }
 #else
+#ifdef ADVANCE
+        bool empty = z <= at.r + way_behind;
+#else
         bool empty = z <= at.r + abs(r);
+#endif
         slope = z > 0.0 ? (r - at.r) / z : 0.0;
 #endif
 #ifdef ANALYTIC
