@@ -178,6 +178,7 @@ def written(file: Path, error: type[RaymarchError] = SceneError, folder: Path | 
             partial.replace(target)
     except (OSError, ValueError, MemoryError, struct.error) as fault:  # the last three are limits of formats
         reason = getattr(fault, "strerror", None) or str(fault) or type(fault).__name__
+        reason = reason.replace(str(partial), os.fspath(file))  # as some libraries name what they write
         raise error(f"cannot write '{file}': {reason}", legal="a writable file in a writable folder") from None
     finally:
         if partial is not None:

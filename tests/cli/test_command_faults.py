@@ -24,8 +24,9 @@ import pytest
 from PIL import Image
 
 import raymarch as rm
-from raymarch.errors import SceneWarning
+from raymarch.errors import SceneError, SceneWarning
 from raymarch.export.stills import FORMATS
+from raymarch.files import write
 from raymarch.gpu.doctor import Report
 from raymarch.plan import plan
 from raymarch.scene import load
@@ -73,6 +74,15 @@ def test_names_and_messages_command_no_terminal(folder: Path, capsys: Any) -> No
     assert run("export", "odd\x1b[2J.py", "-o", "a.glsl") == 0 and "\x1b" not in capsys.readouterr().err
     exported = (folder / "a.glsl").read_text()
     assert "\x1b" not in exported and not re.search(r"^\W*#error", exported, re.M) and "\x9b" not in exported
+
+
+def test_a_message_names_the_output_and_no_temporary_file(folder: Path) -> None:
+    def full(partial: Path) -> None:
+        raise OSError(f"Failed to write pixel data to image file '{partial}'")
+
+    with pytest.raises(SceneError, match=r"cannot write 'a.exr': Failed to write .* image file 'a.exr' "):
+        write(Path("a.exr"), full)
+    assert not Path("a.exr").exists()
 
 
 def test_json_is_json_whatever_the_scene_prints(folder: Path) -> None:
