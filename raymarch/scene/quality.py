@@ -25,7 +25,7 @@ RELAXATION = {"relaxed": 1.6, "relaxed_again": 1.6, "enhanced": 0.88}
 CONTACT = 0.0625
 """A hit on a certified field is refined until the field is below this fraction of epsilon."""
 
-LAST_STEP = 0.5
+LAST_STEP = 0.375
 """The last step of a refined hit is not evaluated. It is at most this fraction of epsilon; see march/refine.glsl."""
 
 PRESETS: Mapping[str, Mapping[str, Any]] = {

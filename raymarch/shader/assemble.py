@@ -225,10 +225,18 @@ CONE_SHARE = 0.25
 """A cone ends where its safe step is less than this fraction of its radius."""
 
 
-LEAP = 0.5
-"""How much longer than a plain step a refining step of a wide epsilon may be, in pixels. Within 0.1 pixels the
-derivative is measured so near to the surface that 0.8 are safe. Farther away, steps of a pixel went through roofs of
-0.65 pixels and ended on the inner side; half a pixel costs 3 % more evaluations."""
+UNPROVEN = 0.875
+"""The part of a step that no sphere proves empty, in epsilons or tenths of a pixel, whichever is longer. A solid in it
+is less than half as deep, which is within an epsilon's half of the surface: `rm.prove` contradicts no hit."""
+
+LEAP = 0.8, 0.5
+"""The same of an estimate, in pixels, for an epsilon of up to 0.1 and a wider one: its spheres prove nothing."""
+
+
+def _leap(plan: Plan) -> float:
+    if plan.certified:
+        return UNPROVEN * max(plan.epsilon, 0.1)
+    return LEAP[plan.epsilon > 0.1]
 
 
 def _constants(plan: Plan) -> dict[str, Mapped]:
@@ -245,7 +253,7 @@ def _constants(plan: Plan) -> dict[str, Mapped]:
             "march_steps": ("int", "" if plan.marching.cones or plan.marching.resumed else str(quality.camera_steps)),
             "epsilon_pixels": ("float", literal(plan.epsilon)),
             "contact_share": ("float", literal(plan.contact_share)),
-            "leap_pixels": ("float", literal(0.8 if plan.epsilon <= 0.1 else LEAP)),
+            "leap_pixels": ("float", literal(_leap(plan))),
             "cone_share": ("float", literal(CONE_SHARE)),
             "step_scale": ("float", literal(quality.step_scale)),
             "step_variation": ("float", literal(quality.step_variation)),

@@ -73,7 +73,7 @@ def assert_true(of: Profiles, got: Marched, far: float, steps: int) -> None:
     assert np.all(np.abs(f[met]) <= deepest(got.t)[met])
     assert np.all(least[met] >= -deepest(got.t)[met])  # nothing is passed
     assert np.all(got.residual[met] <= contact(got.t)[met])
-    assert np.all(of.root()[got.done & ~got.found] > far * (1 - 1e-6))
+    assert np.all(of.root_of_cut()[got.done & ~got.found] > far * (1 - 1e-6))
     assert np.all(got.furthest <= 2 * far)  # a sphere at the end reaches beyond it by its radius
     np.testing.assert_allclose(got.residual[~met], np.abs(f[~met]), rtol=1e-4, atol=2e-6)
     assert np.all(got.residual >= 0)

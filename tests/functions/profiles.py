@@ -21,6 +21,8 @@ KNOTS = 8
 PIXEL = 0.002
 NEAR, CONTACT = 0.1 * PIXEL, 0.0625 * 0.1 * PIXEL
 """Width of a pixel at distance 1, and the shares of it within which a ray looks for a surface, and has met it."""
+PASSED = 0.5 * 0.0875 * PIXEL
+"""Share of the distance: a solid in which a ray is less deep may be passed."""
 ROUNDING = 2.0**-22
 """2 ulp: below this share of the distance nothing is told apart."""
 
@@ -70,7 +72,7 @@ UNKNOWN = 3.0
 CONSTANTS = """
 const float epsilon_pixels = 0.1;
 const float contact_share = 0.0625;
-const float leap_pixels = 1.0;
+const float leap_pixels = 0.0875;
 const float smoothing = 0.3;
 const float step_scale = {scale};
 const float relaxation = {relaxation};
@@ -178,6 +180,10 @@ class Profiles:
             found = np.where(falls, p[:, k] + v[:, k] * (p[:, k + 1] - p[:, k]) / drop, found)
         return np.where(v[:, 0] <= 0, 0.0, found)
 
+    def root_of_cut(self) -> NDArray[np.float64]:
+        """The first distance at which the ray is deeper in the solid than half of what a step may leave unproven."""
+        return Profiles(self.places, (self.values.astype(float) + PASSED * self.places).astype(np.float32)).root()
+
 
 def plane(slope: NDArray[np.float64], first: NDArray[np.float64]) -> Profiles:
     """Fields of one slope each, (N,), from a first value each."""
@@ -185,13 +191,24 @@ def plane(slope: NDArray[np.float64], first: NDArray[np.float64]) -> Profiles:
 
 
 def deepest(t: NDArray[Any]) -> NDArray[np.float64]:
-    """The largest value at a hit: the last step may add half an epsilon to what a hit may leave."""
-    return np.asarray((CONTACT + 0.5 * NEAR + ROUNDING) * np.asarray(t, float) * (1 + 1e-3) + 4e-7)
+    """The largest value at a hit: the last step may add three eighths of an epsilon to what a hit may leave."""
+    return np.asarray((CONTACT + 0.375 * NEAR + ROUNDING) * np.asarray(t, float) * (1 + 1e-3) + 4e-7)
 
 
 def contact(t: NDArray[Any]) -> NDArray[np.float64]:
     """Within this of a surface a ray has met it, with what the field itself is rounded by."""
     return np.asarray((CONTACT + ROUNDING) * np.asarray(t, float) * (1 + 1e-3) + 4e-7)
+
+
+def last_steps(slope: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Steps from a tenth of a pixel above a plane of slope `-slope` onto it, each of which leaves at most 0.95 * 0.0875
+    pixels between the two spheres."""
+    r, count = np.full(np.shape(slope), NEAR / PIXEL), np.zeros(np.shape(slope))
+    while np.any(r > 1e-6):
+        longest = (2.0 * r + 0.95 * 0.0875) / (1.0 + slope)
+        count += r > 1e-6
+        r = r - slope * np.minimum(r / slope, longest)
+    return count
 
 
 @dataclass(frozen=True)

@@ -43,13 +43,13 @@ MARCH = (
     ("march/loop", "at.t + last_step(widths, at)", "at.t * (1.0 - 0.2 * u_pixel)"),
     (
         "march/loop",
-        "float z = aiming ? secant : step_length(at, far);",
+        "float z = aiming ? secant : search + further;",
         "float z = aiming ? secant : 1.5 * at.r + 0.01;",
     ),
     ("march/loop", "float next = march_distance(ray, t);", "float next = march_distance(ray, t) - 0.01;"),
     ("march/loop", "float next = march_distance(ray, t);", "float next = march_distance(ray, t) + 0.01;"),
     ("march/loop", "float next = march_distance(ray, t);", "float next = 1.02 * march_distance(ray, t) - 0.004;"),
-    ("march/loop", "bool near = at.refining ? closer :", "bool near = at.refining ? true :"),
+    ("march/loop", "bool near = empty && (at.refining ? next < abs(at.r) :", "bool near = (at.refining ? true :"),
     ("march/loop", "hit.found = found;", "hit.found = found && fract(97.0 * hit.t) > 0.05;"),
 )
 """Lines of the march in a spoiled form."""

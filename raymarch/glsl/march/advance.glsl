@@ -7,3 +7,8 @@ void move(inout March at, bool empty, float t, float r, float derivative) {
     at.last_derivative = empty ? derivative : min(UNDONE, 0.0);
     at.derivative = empty ? averaged_derivative(at.derivative, derivative) : UNDONE;
 }
+
+// Such tracers step as published.
+float further_step(March at, float z, float leap) {
+    return 0.0;
+}

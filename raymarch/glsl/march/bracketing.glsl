@@ -29,3 +29,17 @@ void move(inout March at, bool empty, float t, float r, float derivative) {
     // after a step that was too long: the steepest derivative, which gives a plain step
     at.derivative = empty ? clamp(mix(at.derivative, derivative, smoothing), -1.0, 0.999) : -1.0;
 }
+
+// By how much more a step of length z may be longer near a surface, so that no more than `leap` of it is unproven if
+// the derivative stays as it is. It does not lead beyond the surface that the derivative expects, and is 0 farther
+// away: a thin sheet may lie between two spheres that do not overlap.
+float further_step(March at, float z, float leap) {
+#ifdef ESTIMATE
+    return 0.0;
+#else
+    float m = at.last_derivative;
+    if (m == 0.0 || at.kept_t != 0.0 || at.r <= 0.0 || at.r > 3.0 * leap) return 0.0;
+    float further = 0.95 * leap / (1.0 - at.derivative);
+    return m < 0.0 ? clamp(at.r / -m - z, 0.0, further) : further;
+#endif
+}

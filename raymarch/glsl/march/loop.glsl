@@ -1,9 +1,10 @@
 // The march of a ray: one evaluation of the field per turn, in two states. The ray searches with steps of the tracer
-// until a sample is near a surface, then refines the hit with secant steps. `at` and `hit` hold the whole state. A
-// refining step must reduce the residual. Along a surface the derivative is nearly 0, and a secant step could pass
-// through an object that stands on the surface: it is at most `leap_pixels` longer than a plain step, and
-// once the ray touches the surface, by as much more as the derivative has held. A ray that only passes a surface
-// searches on from its last certified sample; as a hit it would widen silhouettes.
+// until a sample is near a surface, then refines the hit with secant steps. `at` and `hit` hold the whole state.
+// A sample proves a sphere empty, or full. Between the spheres at both ends of a step near a surface at most
+// `leap_pixels` of the ray remain unproven, so that no ray passes a solid over a longer way; else the step is undone. A
+// refining step goes to where the derivative expects the surface, as far as that rule lets it, and must come nearer.
+// Once a sample is inside, the surface lies before it. A ray that only passes a surface searches on from the last
+// sample that left nothing unproven, as a thin sheet may lie behind it; as a hit it would widen silhouettes.
 #ifdef CUTS
 // Refining steps aim a little below the surface, so that most hits are samples inside the solid. The others are in
 // doubt, see march/membrane.
@@ -34,18 +35,21 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
         float touch = widths.x + hit_width(widths) * at.t;
 #endif
         bool touching = at.refining && abs(at.r) <= touch;
-        if (touching) leap += at.t - at.kept_t;
+        float longest = (2.0 * at.r + 0.95 * leap) / (1.0 - min(at.last_derivative, 0.0));
+        float search = step_length(at, far);
+        float further = aiming ? 0.0 : further_step(at, search, leap);
+        if (!aiming && further == 0.0) leap = 0.0;
 #ifdef CUTS
         float noise = rounding(ray, at.t);
         float depth = max(0.7 * touch + noise, 0.0);
         bool doubtful = in_doubt(at);
         bool first = abs(at.r) <= noise;  // the ray starts on a face of the scene's box
         float below = at.r + depth;
-        float secant = at.last_derivative < 0.0 ? min(below / -at.last_derivative, below + leap) : at.r;
-        float z = doubtful ? doubt_step(at, depth) : aiming ? secant : first ? depth : step_length(at, far);
+        float secant = at.last_derivative < 0.0 ? min(below / -at.last_derivative, depth + longest) : at.r;
+        float z = doubtful ? doubt_step(at, depth) : aiming ? secant : first ? depth : search + further;
 #else
-        float secant = at.last_derivative < 0.0 ? min(at.r / -at.last_derivative, at.r + leap) : at.r;
-        float z = aiming ? secant : step_length(at, far);
+        float secant = at.last_derivative < 0.0 ? min(at.r / -at.last_derivative, longest) : at.r;
+        float z = aiming ? secant : search + further;
 #endif
         escaped = !at.refining && at.t + min(z, at.r) > far;
         if (escaped) break;
@@ -61,31 +65,31 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
             continue;
         }
 #endif
+#ifdef ADVANCE
+        float behind = way_behind;  // proven before the sample, by the sphere or more
+#else
+        float behind = abs(next);
+#endif
+        bool between = at.refining && at.r < 0.0;  // the last sample is inside, so the surface lies before it
 #ifdef CUTS
         float derivative = z != 0.0 && !(first && next > 0.0) ? (next - at.r) / z : at.derivative;
-#ifdef ADVANCE
-        bool empty = first || z <= at.r + way_behind;  // else the step may have passed a surface
-#else
-        bool empty = first || z <= at.r + abs(next);  // else the step may have passed a surface
-#endif
+        bool empty = first || between || z <= at.r + behind + leap;  // else the step may have passed a surface
+        bool certain = first || z <= at.r + behind;
 #else
         float derivative = z != 0.0 ? (next - at.r) / z : at.derivative;
-#ifdef ADVANCE
-        bool empty = z <= at.r + way_behind;  // else the step may have passed a surface
+        bool empty = between || z <= at.r + behind + leap;  // else the step may have passed a surface
+        bool certain = z <= at.r + behind;
+#endif
+        if (between && next < 0.0) derivative = (next - at.kept_r) / (t - at.kept_t);
+#ifdef ORTHOGRAPHIC
+        bool near = empty && (at.refining ? next < abs(at.r) : next < widths.x * t + width);
 #else
-        bool empty = z <= at.r + abs(next);  // else the step may have passed a surface
+        bool near = empty && (at.refining ? next < abs(at.r) : next < widths.x + width * t);
 #endif
-#endif
-        bool closer = abs(next) < abs(at.r);
-        bool passed = at.refining && !closer;
+        bool passed = at.refining && !near;
 #ifndef CUTS
         found = passed && touching;
         if (found) break;
-#endif
-#ifdef ORTHOGRAPHIC
-        bool near = at.refining ? closer : next < widths.x * t + width && (empty || aiming);
-#else
-        bool near = at.refining ? closer : next < widths.x + width * t && (empty || aiming);
 #endif
 #ifdef CUTS
         bool unproven = near && next >= -noise && at.r >= -noise && next <= 2.0 * depth;
@@ -95,16 +99,18 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
         }
         near = near && !unproven;
 #endif
-        float kept_t = at.refining ? at.kept_t : empty ? t : at.t;
-        float kept_r = at.refining ? at.kept_r : empty ? next : at.r;
-        at.refining = near;
         at.passing = at.passing || passed;
         if (near || passed) {
-            at.t = near ? t : kept_t;
-            at.r = near ? next : kept_r;
+            // the last sample up to which all is certainly empty
+            bool follows = certain && next >= 0.0 && (!at.refining || at.t == at.kept_t);
+            vec2 kept = follows ? vec2(t, next) : at.refining ? vec2(at.kept_t, at.kept_r) : vec2(at.t, at.r);
+            at.t = near ? t : kept.x;
+            at.r = near ? next : kept.y;
+            at.derivative = empty ? at.derivative : -1.0;
             at.last_derivative = near ? derivative : 0.0;
-            at.kept_t = near ? kept_t : 0.0;
-            at.kept_r = kept_r;
+            at.kept_t = near ? kept.x : 0.0;
+            at.kept_r = kept.y;
+            at.refining = near;
         } else {
             move(at, empty, t, next, derivative);
 #ifndef UNCOUNTED

@@ -1,15 +1,15 @@
-// The end of a march: a hit has a residual of a small fraction of an epsilon, and the surface is less than half an
-// epsilon away along the ray. The last step, along the derivative, goes there. It is at most half an epsilon, so that
-// no hit lies deeper in a solid.
+// The end of a march: a hit has a residual of a small fraction of an epsilon, and the surface is less than three
+// eighths of an epsilon away along the ray. The last step, along the derivative, goes there. It is no longer, so that
+// no hit lies deeper in a solid, or half an epsilon beyond an edge.
 float hit_width(vec3 widths) {
     return widths.z;
 }
 
 float longest_last_step(vec3 widths, float t) {
 #ifdef ORTHOGRAPHIC
-    return 0.5 * (widths.x * t + widths.y);
+    return 0.375 * (widths.x * t + widths.y);
 #else
-    return 0.5 * (widths.x + widths.y * t);
+    return 0.375 * (widths.x + widths.y * t);
 #endif
 }
 

@@ -1,0 +1,67 @@
+"""Thin solids before a surface: no ray passes what is thicker than a tenth of a pixel, with `rm.prove` as the judge."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.scene.file import load
+
+SIZE = (64, 36)
+CARPET = Path(__file__).parents[2] / "examples" / "papers" / "carpet.py"
+
+
+def camera(elevation: float, distance: float, azimuth: float = 0.7) -> rm.Camera:
+    flat = distance * np.cos(elevation)
+    return rm.Camera((flat * np.cos(azimuth), distance * np.sin(elevation), flat * np.sin(azimuth)), (0, 0, 0), fov=40)
+
+
+def fins(cut: bool) -> rm.Node:
+    """Low plates on a floor, from a twentieth to half a pixel thick at the distances where they are seen."""
+    made = rm.box((8, 1, 8)).translate((0, -0.5, 0)) - rm.sphere(0.3).translate((0, 3, 0)) if cut else rm.plane()
+    for k in range(5):
+        fin = rm.box((0.003 * 1.6**k, 0.02, 6)).translate((0.05 * k, 0.01, 0))
+        made = made | fin.repeat((0.25, None, None), (31, 1, 1))
+    return made
+
+
+def sponge(cut: bool) -> rm.Node:
+    made = rm.menger(1.0218, iterations=2) if not cut else rm.menger(1.0, iterations=4)
+    return made - rm.sphere(0.3).translate((0, 3, 0)) if cut else made
+
+
+@pytest.mark.parametrize("elevation", [0.03, 0.3])
+@pytest.mark.parametrize("cut", [False, True])
+@pytest.mark.parametrize("solid", [fins, sponge])
+def test_no_ray_passes_a_thin_solid(
+    renderer: rm.Renderer, solid: Callable[[bool], rm.Node], cut: bool, elevation: float
+) -> None:
+    scene = rm.Scene(solid(cut), camera(elevation, 3.0 if solid is fins else 1.6), quality=rm.Quality(analytic=False))
+    frame = renderer.render(scene, outputs=("depth",))
+    assert np.isfinite(frame.depth).mean() > 0.05
+    assert rm.prove(scene, frame).contradicted == 0
+
+
+def test_no_ray_passes_the_pile_of_a_carpet(renderer: rm.Renderer) -> None:
+    scene = load(CARPET)
+    frame = renderer.render(scene.replace(quality=rm.Quality()), outputs=("depth",))
+    found = rm.prove(scene, frame)
+    assert found.contradicted == 0 and found.share > 0.995
+
+
+def test_a_hit_at_an_edge_is_near_it(renderer: rm.Renderer) -> None:
+    """The last step is not evaluated: it must not lead away from the edge that the ray touches."""
+    for turn in np.linspace(0, 1, 4):
+        node = rm.box((1, 1, 1)).rotate(0.3 + turn, (1, 2, 3)) - rm.box((1.2, 0.3, 0.3)).rotate(0.3 + turn, (1, 2, 3))
+        scene = rm.Scene(node, camera(0.4, 3.0, turn), quality=rm.Quality(analytic=False))
+        assert rm.prove(scene, renderer.render(scene, outputs=("depth",))).contradicted == 0
+
+
+@pytest.fixture(scope="module")
+def renderer() -> Iterator[rm.Renderer]:
+    with rm.Renderer(SIZE) as made:
+        yield made
