@@ -11,7 +11,7 @@ import pytest
 import raymarch as rm
 from raymarch.scene.file import load
 
-SIZE = (64, 36)
+SIZE = (80, 45)
 CARPET = Path(__file__).parents[2] / "examples" / "papers" / "carpet.py"
 
 

@@ -26,7 +26,7 @@ float hard_shadow(Surface surface, Light light) {
         float noise = rounding(ray, at.t);
         bool doubtful = in_doubt(at);
         bool first = !doubtful && at.r <= noise;
-        float z = doubtful ? doubt_step(at, near + noise) : first ? near + noise : step_length(at, range.y);
+        float z = doubtful ? doubt_step(at, near + noise, 1.0e30) : first ? near + noise : step_length(at, range.y);
 #else
         float z = step_length(at, range.y);
 #endif

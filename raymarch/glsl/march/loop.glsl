@@ -45,8 +45,9 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
         bool doubtful = in_doubt(at);
         bool first = abs(at.r) <= noise;  // the ray starts on a face of the scene's box
         float below = at.r + depth;
+        float reach = longest_last_step(widths, at.t);
         float secant = at.last_derivative < 0.0 ? min(below / -at.last_derivative, depth + longest) : at.r;
-        float z = doubtful ? doubt_step(at, depth) : aiming ? secant : first ? depth : search + further;
+        float z = doubtful ? doubt_step(at, depth, reach) : aiming ? secant : first ? depth : search + further;
 #else
         float secant = at.last_derivative < 0.0 ? min(at.r / -at.last_derivative, longest) : at.r;
         float z = aiming ? secant : search + further;

@@ -23,10 +23,11 @@ void doubt(inout March at, float t, float r, float derivative) {
     at.last_derivative = -max(max(-at.last_derivative, -derivative), 0.05);
 }
 
-float doubt_step(March at, float depth) {
+// `most`: how much longer than to the end of the sphere a step down the slope may be.
+float doubt_step(March at, float depth, float most) {
     float behind = -at.kept_t - at.t;
     if (at.last_derivative > 0.0) return 0.5 * (behind + (at.r - at.kept_r) / at.last_derivative);
-    return behind + (at.kept_r + depth) / -at.last_derivative;
+    return behind + min((at.kept_r + depth) / -at.last_derivative, at.kept_r + depth + most);
 }
 
 // Takes a sample of a ray in doubt: true if it is inside.

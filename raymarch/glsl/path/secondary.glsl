@@ -28,7 +28,7 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
         bool doubtful = in_doubt(at);
         bool first = !doubtful && at.r <= noise;
         float depth = contact(ray.origin + at.t * ray.direction, travelled + at.t);
-        float z = doubtful ? doubt_step(at, depth) : first ? depth : step_length(at, range.y);
+        float z = doubtful ? doubt_step(at, depth, 1.0e30) : first ? depth : step_length(at, range.y);
 #else
         float z = step_length(at, range.y);
 #endif
