@@ -226,8 +226,8 @@ CONE_SHARE = 0.25
 
 
 UNPROVEN = 0.875
-"""The part of a step that no sphere proves empty, in epsilons or tenths of a pixel, whichever is longer. No ray passes a
-solid on a longer way, so `rm.prove` contradicts no hit within an epsilon."""
+"""The part of a step that no sphere proves empty, in epsilons or tenths of a pixel, whichever is longer. No ray passes
+a solid on a longer way, so `rm.prove` contradicts no hit within an epsilon."""
 
 LEAP = 0.8, 0.5
 """The same of an estimate, in pixels, for an epsilon of up to 0.1 and a wider one: its spheres prove nothing."""
