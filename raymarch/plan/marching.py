@@ -12,7 +12,7 @@ import numpy as np
 
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
-from raymarch.sdf.advance import DEEPEST, readable
+from raymarch.sdf.advance import DEEPEST, implicit_nodes, readable
 from raymarch.sdf.levels import has_levels, may_touch
 
 MODULES = {"relaxed_again": "relaxed", "advance": "ahead"}
@@ -197,6 +197,8 @@ def _choose_tracer(scene: Scene, certified: bool, refines: bool) -> tuple[str, s
             deep = f"the tree has more than {DEEPEST} nodes one above the other"
             return "bracketing", "an estimate does not tell how far a ray is free" if not_certain else deep
         return "advance", "Quality(tracer='advance')"
+    if asked == "auto" and readable(scene.node) and implicit_nodes(scene.node):
+        return "advance", "an implicit surface is known along stretches of a ray"
     if asked == "auto":
         return "bracketing", "the field is certified, so a step longer than the distance can be checked"
     return asked, f"Quality(tracer={asked!r})"

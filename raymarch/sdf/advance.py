@@ -42,11 +42,12 @@ from raymarch.expr.derivative import ONE, directional_derivatives, opened, share
 from raymarch.expr.function import Function, function
 from raymarch.expr.node import Expr, const, var
 from raymarch.expr.types import FLOAT, VEC2, VEC3
-from raymarch.expr.vocabulary import abs, length, max, min, step, vec2, where
+from raymarch.expr.vocabulary import abs, length, max, min, step, vec2, vec3, where
 from raymarch.expr.walk import depends_on, find, rebuild, run, substitute, topological
 from raymarch.sdf.blends import FAMILIES
 from raymarch.sdf.convexity import hull_of, is_concave_fold, is_convex, known_parts
 from raymarch.sdf.facts import FARTHEST
+from raymarch.sdf.implicit_ahead import free_way
 from raymarch.sdf.intersections import interval_of_ray
 from raymarch.sdf.labels import flattened, rows_of
 from raymarch.sdf.lower import Lowering, reading_of
@@ -341,6 +342,8 @@ class Advancing:
             pair = along(template)(ask.point, ask.direction, *_values(node))
             return self._tangent(ask, self._divided_value(ask, pair))
         made = self._by_constant(ask, self._field(ask)(ask.point))
+        if (way := _way_of_implicit(ask)) is not None:
+            return _in_box(ask, Reading(made.value, made.line, way).beside(made.line))
         hull = None if ask.negated else hull_of(node)
         if hull is None:
             return _in_box(ask, made)
@@ -506,6 +509,16 @@ class Advancing:
         return found.shifted(value, amount if positive else -amount)
 
 
+def is_implicit(node: Node) -> bool:
+    """True for an implicit surface, whose advance is not limited by its Lipschitz constant."""
+    return node.definition.name == "implicit_solid"
+
+
+def implicit_nodes(root: Node) -> list[Node]:
+    """The implicit surfaces of a tree whose functions are known along a stretch."""
+    return [n for n in children_first(root) if is_implicit(n) and free_way(n.params["function"], False) is not None]
+
+
 DEEPEST = 100
 """Largest number of nodes one above the other of a tree that is read: the readings of a chain are nested functions."""
 
@@ -516,6 +529,18 @@ def readable(root: Node) -> bool:
     for node in children_first(root):
         depth[id(node)] = 1 + builtins.max((depth[id(child)] for child in node.children), default=0)
     return root.facts.exactness != "estimate" and depth[id(root)] <= DEEPEST
+
+
+def _way_of_implicit(ask: Ask) -> Ahead | None:
+    """The advance of an implicit surface on the stretch that is looked at; None for other nodes."""
+    if not is_implicit(ask.node):
+        return None
+    free = free_way(ask.node.params["function"], ask.negated)
+    if free is None:
+        return None
+    lower, upper, *numbers = (ask.node.params[name] for name in ("lower", "upper", "level", "unit", "steepest"))
+    scales = vec3(*numbers)
+    return lambda *at: free(ask.point, ask.direction, lower, upper, vec2(*at), scales, STRETCH)
 
 
 def _values(node: Node) -> list[Expr]:

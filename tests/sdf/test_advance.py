@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 import raymarch as rm
 from raymarch.expr.arrays import evaluator
-from raymarch.sdf.advance import DEEPEST, Advancing, along, readable
+from raymarch.sdf.advance import DEEPEST, STRETCH, Advancing, along, readable
 from raymarch.sdf.convexity import hull_of, is_convex
 from raymarch.sdf.lower import Lowering, field_of
 from raymarch.sdf.node import Node
@@ -53,7 +53,9 @@ def test_no_surface_lies_in_the_advance(sample: NodeSample, level: tuple[float, 
     made = Advancing(Lowering()).function(node)
     points, directions, size = lines_through(node, 400, 3)
     start, growth = level
-    (found,) = evaluator([made.body], made.params)(points, directions, *(np.full(len(points), x) for x in level))
+    stretches = size * 10.0 ** np.random.default_rng(4).uniform(-2.0, 0.5, len(points))
+    numbers = (*(np.full(len(points), x) for x in level), stretches)
+    (found,) = evaluator([made.body], [*made.params, STRETCH])(points, directions, *numbers)
     value, advance = found[:, 0], np.minimum(found[:, 1], 8.0 * size)
     plain = node.distance(points)
     np.testing.assert_allclose(value, plain, rtol=1e-12, atol=1e-12 * size)
