@@ -26,7 +26,7 @@ from raymarch.scene.light import Light
 from raymarch.scene.scene import Scene, all_nodes
 from raymarch.sdf.blends import FAMILIES
 from raymarch.sdf.facts import FARTHEST
-from raymarch.sdf.levels import read_short
+from raymarch.sdf.levels import CORRECTED, least_slope
 from raymarch.sdf.rows import Rows
 
 TOGETHER = 4
@@ -71,8 +71,13 @@ def misread(scene: Scene) -> list[Doubt]:
         effect = effect or "a penumbra"
     if not effect:
         return []
-    cure = "it is too dark there; Quality(integrator='path') or penumbra='sampled' does not read distances"
-    return [Doubt("plan", f"{effect} reads the field of {sentence}", cure) for sentence in read_short(scene.node)]
+    least = least_slope(scene.node)
+    if least == 1.0:
+        return []
+    cure = "Quality(integrator='path') or penumbra='sampled' does not read distances"
+    what = f"{effect} reads a field that is {least:.2g} times the distance near a surface that is scaled or bent"
+    so = "this is corrected to first order there, so it is too dark" if least < CORRECTED else "it is too dark there"
+    return [Doubt("plan", f"{what}; {so}", cure)]
 
 
 def largest_size(scene: Scene) -> float:

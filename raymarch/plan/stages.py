@@ -34,6 +34,7 @@ from raymarch.plan.passes import ATTACHMENTS, BEFORE, Pass, picture_passes, spli
 from raymarch.scene.origin import DefaultView, default_view, origin_of, refuse_extent, seen_from
 from raymarch.scene.scene import Scene
 from raymarch.sdf.advance import Advancing
+from raymarch.sdf.levels import of_first_order, slope_to_correct
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
 from raymarch.sdf.visibility import KINDS, hidden_from, hiding_nodes, labels_hidden_from
@@ -295,10 +296,14 @@ def surfaces_of(asked: Asked, fields: FieldPlan, lowering: Lowering) -> SurfaceP
     shaded, geometry, moving = asked.shaded, asked.geometry, BEFORE in asked.pictures
     further: list[Function] = []
     undivided, soft = None, any(map(reads_field, scene.lights))
-    if solid.facts.divided and shaded and (soft or scene.occlusion is not None):
-        undivided = hoist(lowering.again().field(solid, "undivided_field", undivided=True))
+    reads = shaded and (soft or scene.occlusion is not None)
+    least = slope_to_correct(solid) if reads else 1.0
+    if reads and (solid.facts.divided or least < 1.0):
+        name = "undivided_field"
+        whole = lowering.again().field(solid, name if least == 1.0 else "whole_field", undivided=True)
+        undivided = hoist(whole if least == 1.0 else of_first_order(whole, least, name))
         r = var("r", FLOAT)
-        slope = solid.facts.undivided / solid.facts.lipschitz
+        slope = (solid.facts.undivided / solid.facts.lipschitz if solid.facts.divided else 1.0) / least
         further += [undivided, Function("divided", (r,), r / slope)] if soft else []
     joint = shading.with_gradient(scene) and shaded and lowering.sites is None
     needs_normal = (shaded and shading.needs_surface(scene) and not joint) or geometry or moving

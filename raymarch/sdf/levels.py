@@ -12,8 +12,11 @@ from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import SMALLEST
+from raymarch.expr.derivative import companion
+from raymarch.expr.function import Function
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.samples import Samples
+from raymarch.expr.vocabulary import clamp, length, vec3
 from raymarch.sdf.lower import evaluate_both
 from raymarch.sdf.node import Node, all_nodes
 
@@ -123,15 +126,38 @@ SHORT = 0.9
 """Slope of a field below which effects that read it as a distance have a doubt."""
 
 
-def read_short(root: Node) -> Iterator[str]:
-    """A sentence for each node whose field, read as a distance, is too short near a part of its surface."""
+def least_slope(root: Node) -> float:
+    """The least slope of a field near the surface of its nodes that stretch or deform, at most 1.
+
+    1 for a field that may be read as a distance: if no slope is below `SHORT`, or known.
+    """
     uneven = [node for node in all_nodes(root) if node.placed_as in ("stretch", "deform")]
     stretched = [node for node in uneven if node.exactness != "exact"]
-    for node in stretched[:MEASURED]:
-        slopes = slopes_at_surface(node)
-        if slopes is not None and slopes[0] < SHORT:
-            place = f" at {node.where}" if node.where else ""
-            yield f"{node.name}{place}: near its surface distances are read as {slopes[0]:.2g} times as long, at least"
+    slopes = [slopes_at_surface(node) for node in stretched[:MEASURED]]
+    least = min((slope[0] for slope in slopes if slope is not None), default=1.0)
+    return least if least < SHORT else 1.0
+
+
+CORRECTED = 0.6
+"""Slope of a field below which effects divide by it. This costs the gradient at each point that they read."""
+
+
+def slope_to_correct(root: Node) -> float:
+    """The `least_slope` of a field that effects divide by its slope; 1 for one that they do not."""
+    least = least_slope(root)
+    return least if least < CORRECTED else 1.0
+
+
+def of_first_order(undivided: Function, least: float, name: str) -> Function:
+    """A field over its slope: the distance, to first order at the surface.
+
+    least : the least slope near the surface. Where the field is flatter, as in the middle of a solid, it says nothing
+    of the distance.
+    """
+    p = undivided.params[0]
+    both = companion(undivided)(p)
+    slope = length(vec3(both.x, both.y, both.z))
+    return Function(name, (p,), both.w / clamp(slope, least, 1e9), where=undivided.where)
 
 
 def may_touch(root: Node) -> bool:

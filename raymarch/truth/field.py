@@ -23,7 +23,7 @@ from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.facts import Facts
-from raymarch.sdf.levels import may_touch
+from raymarch.sdf.levels import may_touch, of_first_order, slope_to_correct
 from raymarch.sdf.lower import SCENE_INTERACTION, Lowering, material_expressions
 from raymarch.sdf.node import Node
 from raymarch.sdf.visibility import hiding_nodes
@@ -76,13 +76,22 @@ class Field:
 
     @cached_property
     def _undivided_root(self) -> Function:
-        if not self._node.facts.divided:
+        least = self._least_slope
+        if not self._node.facts.divided and least == 1.0:
             return self._root_of_rays
-        return Lowering(rays=self._rays).field(self._node, undivided=True)
+        whole = Lowering(rays=self._rays).field(self._node, undivided=True)
+        return whole if least == 1.0 else of_first_order(whole, least, "distance")
+
+    @cached_property
+    def _least_slope(self) -> float:
+        return slope_to_correct(self._node)
 
     def undivided(self, points: Array) -> NDArray[np.float64]:
-        """The field before it is divided, which effects read as the distance; (N, 3) -> (N,)."""
-        if not self._node.facts.divided:
+        """The field before it is divided, and over its slope if that is small: what effects read as the distance.
+
+        (N, 3) -> (N,).
+        """
+        if self._undivided_root is self._root_of_rays:
             return self.distance(points)
         root = self._undivided_root
         return self._numbers(root.once("evaluate", lambda: evaluator([root.body], root.params)), points)[0]
@@ -91,7 +100,7 @@ class Field:
     def divisor(self) -> float:
         """By which it is divided for a step, at most."""
         facts = self._node.facts
-        return facts.undivided / facts.lipschitz if facts.divided else 1.0
+        return (facts.undivided / facts.lipschitz if facts.divided else 1.0) / self._least_slope
 
     @cached_property
     def _marked(self) -> tuple[list[Expr], Evaluate]:

@@ -57,3 +57,18 @@ def test_what_reads_short_distances_is_doubted(renderer: rm.Renderer) -> None:
     assert "0.17 times" in doubt
     for plain in (scene.replace(occlusion=None), scene.replace(node=BOX)):
         assert not [doubt for doubt in renderer.render(plain).doubts() if "AmbientOcclusion" in doubt]
+
+
+def test_an_uneven_scale_is_read_over_its_slope(renderer: rm.Renderer) -> None:
+    """To first order at the surface, which is exact beside a cylinder."""
+    spelled = [
+        (rm.cylinder(0.5, 0.8).scale((2, 0.5, 2)), rm.cylinder(1, 0.4), 0.002),
+        (rm.sphere().scale((1, 0.5, 1)), rm.ellipsoid((1, 0.5, 1)), 0.25),  # 0.45 if it is not corrected,
+    ]
+    for scaled, exact, error in spelled:
+        scene = rm.Scene(exact, rm.Camera((3, 2, 4), (0, 0, 0), fov=30), lights=[], sky=rm.Sky((1, 1, 1), light=True))
+        scene = scene.replace(occlusion=rm.AmbientOcclusion(reach=0.5))
+        wanted = renderer.render(scene).color
+        found = scene.replace(node=scaled)
+        assert np.quantile(np.abs(renderer.render(found).color - wanted), 0.95) <= error  # but for silhouettes
+        np.testing.assert_allclose(rm.truth(found, size=(15, 15)).color, renderer.render(found).color, atol=0.01)
