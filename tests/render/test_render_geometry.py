@@ -495,3 +495,16 @@ def test_a_camera_a_ten_thousandth_of_a_radius_above_a_torus(renderer: rm.Render
     assert frame.iterations.max() > 600 and wrong.sum() <= 2
     short = scene.replace(quality=rm.Quality(max_steps=100))
     assert renderer.render(short, outputs=("iterations",)).iterations.max() == 100
+
+
+@pytest.mark.parametrize("radius", [1.0, 100.0, 1e4])
+def test_rays_from_just_above_a_ball_meet_what_lies_behind_it(renderer: rm.Renderer, radius: float) -> None:
+    """They rise slowly from the ball, and go on: none of 81 shows the sky before the box."""
+    renderer.resize((9, 9))
+    eye = radius * (1 + 1e-4)
+    behind = rm.box(0.6 * radius).translate((0, radius, -3 * radius))
+    camera = rm.Camera((0, eye, 0), (0, eye + 0.02 * radius, -2 * radius), fov=6)
+    scene = rm.Scene(rm.sphere(radius) | behind, camera, lights=[], quality=rm.Quality(analytic=False))
+    frame = renderer.render(scene, outputs=("depth", "done"))
+    assert frame.done.all()
+    assert np.array_equal(np.isfinite(frame.depth), rm.truth(scene, renderer.size, outputs=()).hit)
