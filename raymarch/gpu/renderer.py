@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -24,13 +23,14 @@ from raymarch.gpu.draw_calls import DrawCall, Drawing, count_draws
 from raymarch.gpu.frame import Frame, Timing, not_rendered
 from raymarch.gpu.frame_inputs import FrameInputs
 from raymarch.gpu.history import History
-from raymarch.gpu.part import PicturePart, prepared_part
-from raymarch.gpu.prepare import Prepared, Wanted, assembled, frame_uniforms, name_of, passes_for
+from raymarch.gpu.part import PicturePart
+from raymarch.gpu.prepare import Prepared, Wanted, frame_uniforms, name_of
+from raymarch.gpu.prepared_scenes import PreparedScenes
 from raymarch.gpu.program import in_pass
-from raymarch.gpu.resource_cache import ResourceCache, check_compile_time
+from raymarch.gpu.resource_cache import ResourceCache
 from raymarch.gpu.tiles import WHOLE, draw_in_tiles
 from raymarch.gpu.unread import Unread, unread_of
-from raymarch.plan import Plan, lights, marched_otherwise, marching, plan
+from raymarch.plan import lights
 from raymarch.plan.unused import unused
 from raymarch.scene.camera import Pose
 from raymarch.scene.fog import Fog
@@ -45,9 +45,6 @@ from raymarch.sdf.node import Node
 Progress = Callable[[float], None]
 
 BLACK = Sky((0, 0, 0))
-
-PLANNED = 8
-"""Minimum number of scenes whose plan and shader a renderer caches; the limit grows with `kept`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,9 +104,7 @@ class Renderer:
         self.resources = ResourceCache(self.context)
         self.history = History()
         self.planned_for: tuple[int, int] | None = None
-        self._prepared: OrderedDict[tuple[Any, ...], Prepared] = OrderedDict()
-        self._plans: OrderedDict[tuple[Any, ...], Plan] = OrderedDict()
-        self._last: tuple[Scene, tuple[Any, ...], Prepared] | None = None
+        self._prepared = PreparedScenes(self.resources)
         self._is_drawing = False
         try:
             self._size = self._target_size(size)
@@ -355,47 +350,14 @@ class Renderer:
 
     def adopt(self, scene: Scene, prepared: Prepared, outputs: Sequence[Wanted] = ("color",)) -> None:
         """Cache a scene that was prepared elsewhere, for example in another thread."""
-        self._cache((*_key(scene, outputs), self.planned_for or self._size), prepared)
-
-    def _cache(self, key: tuple[Any, ...], prepared: Prepared) -> None:
-        self._prepared[key], self._last = prepared, None
-        while len(self._prepared) > max(PLANNED, self.kept // 4):
-            self._prepared.popitem(last=False)
+        self._prepared.adopt(scene, outputs, self.planned_for or self._size, prepared)
 
     def prepared(
         self, scene: Scene, outputs: Sequence[Wanted] = ("color",), part: PicturePart | None = None
     ) -> Prepared:
         """The plan and shader of a scene, or of parts of its picture, from the cache if possible."""
         size = self.planned_for or self._size if part is None else part.whole
-        asked = (tuple(passes_for(outputs)), size, part is None)
-        if self._last is not None and self._last[0] is scene and self._last[1] == asked:
-            return self._last[2]
-        key = (*_key(scene, outputs), size, *(() if part is None else ("part",)))
-        found = self._prepared.get(key)
-        if found is None:
-            make = assembled if part is None else prepared_part
-            found = make(self._planned(scene, passes_for(outputs), size))
-            self._cache(key, found)
-        self._last = (scene, asked, found)  # large scenes take long to hash
-        return found
-
-    def _planned(self, scene: Scene, passes: list[str], size: tuple[int, int]) -> Plan:
-        """The plan of a scene. Those of qualities that differ in marching alone share their functions."""
-        plain = scene.replace(quality=marching.unmarched(scene.quality))
-        key = (plain.planned, tuple(passes), size)
-        if key in self._plans:
-            self._plans.move_to_end(key)
-            return marched_otherwise(self._plans[key], scene.quality, size)
-        found = self._plans[key] = plan(scene, passes, size, refuse=partial(self._refuse_slow, scene))
-        while len(self._plans) > PLANNED:
-            self._plans.popitem(last=False)
-        return found
-
-    def _refuse_slow(self, scene: Scene, seconds: float, operations: int, shapes: int) -> None:
-        """Refuse a field that takes too long to compile, before the rest is planned."""
-        driver = self.context.driver
-        if driver.is_software:
-            check_compile_time(seconds, operations, shapes, scene, driver.renderer)
+        return self._prepared.of(scene, outputs, size, part is not None)
 
     def _ready(self, picture: _Picture) -> tuple[Prepared, FrameInputs]:
         """The plan of a frame and the inputs of all its passes."""
@@ -529,8 +491,6 @@ class Renderer:
                 self._refuse_while_drawing("close")
                 self.resources.release()
         self._prepared.clear()
-        self._plans.clear()
-        self._last = None
         if self._owns_context:
             self.context.release()
 
@@ -552,10 +512,6 @@ def _silhouette(
     quality = replace(scene.quality, samples=samples, temporal="off", steps_per_pass=None, lights_per_pass=None)
     fog = Fog((surface,) * 3, 1e30)  # it covers surfaces, not the sky
     return scene.replace(lights=[], sky=sky, fog=fog, bounces=0, occlusion=None, quality=quality, post=post)
-
-
-def _key(scene: Scene, outputs: Sequence[Wanted]) -> tuple[Any, ...]:
-    return scene.planned, tuple(passes_for(outputs))
 
 
 def _named(drawing: Drawing) -> Iterator[DrawCall]:

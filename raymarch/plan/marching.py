@@ -275,6 +275,29 @@ def choices(
         found["march/start"] = "the field at the camera is known when the frame begins"
     else:
         found["march/start_published"] = f"{marching.tracer} starts as published"
+    found |= _steps_of(scene, marching)
+    if solved:
+        found["march/analytic"] = solved
+    if clipped(scene):
+        found["march/clipped"] = "rays are marched only inside the scene's box"
+    else:
+        found["march/whole"] = "the scene's box is unbounded on all sides"
+    if marching.cones and marching.tracer == "advance":
+        found["march/cone_size"] = "rays and cones ask how far they are free"
+    if marching.cones:
+        found["march/begin_on"] = "rays start where their cones ended"
+    else:
+        found["march/begin"] = "rays start at the camera"
+    if marching.resumed:
+        found["march/resumed"] = f"Quality(steps_per_pass={quality.steps_per_pass})"
+    else:
+        found["march/trace" + "_on" * marching.cones] = marching.schedule_reason
+    return found
+
+
+def _steps_of(scene: Scene, marching: Marching) -> dict[str, str]:
+    """The modules of the steps of a ray: undone, plain, aimed at the surface, refining."""
+    quality, found = scene.quality, dict[str, str]()
     if marching.tracer != "bracketing":
         found["march/advance"] = "a step that may have passed a surface is undone"
     if quality.refinement != "proven":
@@ -293,20 +316,4 @@ def choices(
         found["march/safe_step_scaled"] = f"Quality(step_scale={quality.step_scale:g})"
     else:
         found["march/safe_step"] = "a plain step is as long as the distance"
-    if solved:
-        found["march/analytic"] = solved
-    if clipped(scene):
-        found["march/clipped"] = "rays are marched only inside the scene's box"
-    else:
-        found["march/whole"] = "the scene's box is unbounded on all sides"
-    if marching.cones and marching.tracer == "advance":
-        found["march/cone_size"] = "rays and cones ask how far they are free"
-    if marching.cones:
-        found["march/begin_on"] = "rays start where their cones ended"
-    else:
-        found["march/begin"] = "rays start at the camera"
-    if marching.resumed:
-        found["march/resumed"] = f"Quality(steps_per_pass={quality.steps_per_pass})"
-    else:
-        found["march/trace" + "_on" * marching.cones] = marching.schedule_reason
     return found

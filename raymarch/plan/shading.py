@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from raymarch.errors import Location
 from raymarch.plan import lights
 from raymarch.scene.bsdf import BSDF
 from raymarch.scene.light import KINDS, Light
+from raymarch.scene.material import Material
 from raymarch.scene.scene import Scene
 from raymarch.scene.surfaces import bsdf_of
 
@@ -105,66 +106,75 @@ def choices(scene: Scene, model: str, joint: bool) -> dict[str, str]:
 
 def features(scene: Scene) -> list[Feature]:
     """The features of lights, shadows, materials, sky and fog, used or not."""
-    found: list[Feature] = []
+    return [*_of_lights(scene), *_of_materials(scene), *_of_surroundings(scene)]
 
-    def feature(name: str, used: bool, yes: str, no: str, where_: Location | None = None) -> None:
-        found.append(Feature(name, used, yes if used else no, where_ if used else None))
 
-    def of_lights(name: str, some: Sequence[Light], no: str, yes: str = "{} in the scene") -> None:
-        feature(name, bool(some), yes.format(len(some)), no, some[0].where if some else None)
+def feature(name: str, used: bool, yes: str, no: str, where: Location | None = None) -> Feature:
+    """A feature with its reason: one why it is used, one why it is not."""
+    return Feature(name, used, yes if used else no, where if used else None)
 
+
+def _of_lights(scene: Scene) -> Iterator[Feature]:
     every = scene.lights
+
+    def of(name: str, some: Sequence[Light], no: str, yes: str = "{} in the scene") -> Feature:
+        return feature(name, bool(some), yes.format(len(some)), no, some[0].where if some else None)
+
     casts = f"{{}} of {len(every)} lights cast one"
     kinds: list[type[Light]] = [*KINDS, *(type(light) for light in every)]
     for kind in dict.fromkeys(kinds):
-        of_lights(kind.LABEL, [light for light in every if type(light) is kind], f"no {kind.__name__} in the scene")
+        yield of(kind.LABEL, [light for light in every if type(light) is kind], f"no {kind.__name__} in the scene")
     few = f"up to {lights.AS_TEXT} lights are written as code"
     found_by = ", by cells that list those in range" if lights.as_data(scene) and lights.in_cells(scene) else ""
-    feature("lights as data", lights.as_data(scene), f"{len(every)} lights in one loop{found_by}", few)
-    of_lights("hard shadows", [x for x in every if x.shadow and not x.soft], "no light has shadow=True", casts)
-    of_lights("soft shadows", [x for x in every if x.soft], "no light that casts a shadow has a softness", casts)
-    of_lights("visible lights", lights.visible(scene), "no light has visible=True")
+    yield feature("lights as data", lights.as_data(scene), f"{len(every)} lights in one loop{found_by}", few)
+    yield of("hard shadows", [x for x in every if x.shadow and not x.soft], "no light has shadow=True", casts)
+    yield of("soft shadows", [x for x in every if x.soft], "no light that casts a shadow has a softness", casts)
+    yield of("visible lights", lights.visible(scene), "no light has visible=True")
     both = [x for x in every if lights.samples_of(scene, x) > scene.quality.light_samples]
     why = "no light with an area is sampled, or no lobe is narrow"
-    of_lights("multiple importance sampling", both, why, "{} lights are sampled by narrow lobes too")
+    yield of("multiple importance sampling", both, why, "{} lights are sampled by narrow lobes too")
+
+
+def _of_materials(scene: Scene) -> Iterator[Feature]:
     others = scene.materials[1:]
 
-    def of_materials(name: str, some: Iterable[bool], yes: str, no: str, used: bool = True) -> None:
-        """Something that a scene uses if this holds for one of its materials."""
-        first = next((material for material, holds in zip(others, some, strict=True) if holds), None)
-        feature(name, used and first is not None, yes, no, None if first is None else first.where)
+    def of(name: str, holds: Callable[[Material], bool], yes: str, no: str, used: bool = True) -> Feature:
+        """Something that a scene uses if it holds for one of its materials."""
+        first = next((material for material in others if holds(material)), None)
+        return feature(name, used and first is not None, yes, no, None if first is None else first.where)
 
-    feature("materials", bool(others), f"{len(others)} besides the default", "no node has a material")
-    of_materials("microfacets", (m.physical for m in others), "a material is physical", "no material is physical")
-    metallic = [m.metallic for m in others]
+    yield feature("materials", bool(others), f"{len(others)} besides the default", "no node has a material")
+    yield of("microfacets", lambda m: m.physical, "a material is physical", "no material is physical")
     why = "Quality(energy_compensation=False)" if not scene.quality.energy_compensation else "metal receives no light"
-    why = why if any(metallic) else "no material is a metal"
-    of_materials("multiple scattering", metallic, "a material is a metal", why, compensated(scene))
+    why = why if any(m.metallic for m in others) else "no material is a metal"
+    yield of("multiple scattering", lambda m: m.metallic, "a material is a metal", why, compensated(scene))
     for layer in BSDF.__subclasses__():
         if layer.LABEL:
             used = any(isinstance(part, layer) for part in bsdf_of(others, scene.quality).layers)
-            feature(layer.LABEL, used, "a material has one", "no material has one")
+            yield feature(layer.LABEL, used, "a material has one", "no material has one")
     why = "no material has a value that is a function of the position"
-    of_materials("patterns", (m.patterned for m in others), "a material has one", why)
+    yield of("patterns", lambda m: m.patterned, "a material has one", why)
     why = "no material has a texture or relief"
-    of_materials("maps", (m.textured or m.relief for m in others), "a material has some", why)
-    of_materials("emission", (m.emits for m in others), "a material has one", "no material has one")
-    feature("sky by direction", not scene.sky.constant, type(scene.sky).__name__, "the sky has one colour")
-    why = "no material transmits light"
-    of_materials("glass", (m.transmits for m in others), "a material transmits light", why)
-    frosted = [m.frosted for m in others]
+    yield of("maps", lambda m: bool(m.textured or m.relief), "a material has some", why)
+    yield of("emission", lambda m: m.emits, "a material has one", "no material has one")
+    yield feature("sky by direction", not scene.sky.constant, type(scene.sky).__name__, "the sky has one colour")
+    yield of("glass", lambda m: m.transmits, "a material transmits light", "no material transmits light")
     why = "Quality(integrator='whitted') renders rough glass as smooth" if scene.whitted else "Scene has no bounces"
-    why = why if any(frosted) else "no glass is rough"
-    of_materials("frosted glass", frosted, "a material is rough and transmits light", why, scene.path_traced)
+    why = why if any(m.frosted for m in others) else "no glass is rough"
+    frosted = "a material is rough and transmits light"
+    yield of("frosted glass", lambda m: m.frosted, frosted, why, scene.path_traced)
+
+
+def _of_surroundings(scene: Scene) -> Iterator[Feature]:
     several = f"one random path of up to {scene.bounces} bounces per sample"
     if scene.whitted:
         several = f"all reflected and refracted rays of up to {scene.bounces} bounces"
     why = "Quality(integrator='whitted') finds no mirror and no glass" if scene.bounces else "Scene has no bounces"
-    feature("bounces of light", scene.path_traced or scene.whitted, several, why)
-    feature("sky light", scene.sky.light, f"{type(scene.sky).__name__}(light=True)", "the sky does not light surfaces")
+    yield feature("bounces of light", scene.path_traced or scene.whitted, several, why)
+    lit = f"{type(scene.sky).__name__}(light=True)"
+    yield feature("sky light", scene.sky.light, lit, "the sky does not light surfaces")
     dimmed = scene.occlusion is not None and dims_ambient_light(scene)
     steps = scene.occlusion.steps if scene.occlusion is not None else 0
     why = "Scene has no occlusion" if scene.occlusion is None else "the scene has no ambient light"
-    feature("ambient occlusion", dimmed, f"{steps} evaluations per hit", why)
-    feature("fog", scene.fog is not None, "Scene(fog=...)", "Scene has no fog")
-    return found
+    yield feature("ambient occlusion", dimmed, f"{steps} evaluations per hit", why)
+    yield feature("fog", scene.fog is not None, "Scene(fog=...)", "Scene has no fog")

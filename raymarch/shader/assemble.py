@@ -143,14 +143,8 @@ def assemble(
         **{name: partial(Chunk.of, name, [line]) for name, line in fixed.items()},
         **{root.name: partial(_promised, roots, frozenset(values.variables)) for root in roots},
         **({name: lambda: shade for name in shade.gives} if shade is not None else {}),
-        "scene_box": partial(scene_box, plan),
-        "scene_cone": partial(scene_cone, plan),
-        "marched_range": partial(marched_range, plan),
-        **{name: partial(light_rows, plan, "u_lights" in constants) for name in ("u_lights", "light_texel")},
-        "u_sky_light": sky_light,
-        **kinds.chunks(),
+        **_of_scene(plan, "u_lights" in constants),
         **{type.name: partial(_declared, type) for type in _records(roots) if type.name not in glsl.givers()},
-        "pcg": _pcg,
         **(setup.promised() if setup is not None else {}),
     }
     # The names of generated functions must differ from all others, so what is linked is found before they are printed.
@@ -178,6 +172,19 @@ def assemble(
     names, heads = tuple(p.name for p in passes), tuple(p.head for p in passes)
     modules = {p.module: p.reason for p in plan.passes} | dict(linked.reasons)
     return Shader(tuple(body), names, heads, parameters, text.uses_time, text.samples, modules, constants)
+
+
+def _of_scene(plan: Plan, constant_lights: bool) -> dict[str, Callable[[], Chunk]]:
+    """What makes the chunks that the scene's values fill in, by the names that they give."""
+    return {
+        "scene_box": partial(scene_box, plan),
+        "scene_cone": partial(scene_cone, plan),
+        "marched_range": partial(marched_range, plan),
+        **dict.fromkeys(("u_lights", "light_texel"), partial(light_rows, plan, constant_lights)),
+        "u_sky_light": sky_light,
+        "pcg": _pcg,
+        **kinds.chunks(),
+    }
 
 
 def assemble_effect(chosen: Pass) -> Shader:

@@ -1,0 +1,78 @@
+"""The plans and shaders of the scenes that a renderer drew last."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+from raymarch.gpu.part import prepared_part
+from raymarch.gpu.prepare import Prepared, Wanted, assembled, passes_for
+from raymarch.gpu.resource_cache import ResourceCache, check_compile_time
+from raymarch.plan import Plan, marched_otherwise, marching, plan
+from raymarch.scene.scene import Scene
+
+PLANNED = 8
+"""Minimum number of scenes whose plan and shader a renderer caches; the limit grows with `kept`."""
+
+
+class PreparedScenes:
+    """Caches plans and shaders. resources : of the renderer, whose driver compiles the shaders."""
+
+    def __init__(self, resources: ResourceCache) -> None:
+        self._resources = resources
+        self._ready: OrderedDict[tuple[Any, ...], Prepared] = OrderedDict()
+        self._plans: OrderedDict[tuple[Any, ...], Plan] = OrderedDict()
+        self._last: tuple[Scene, tuple[Any, ...], Prepared] | None = None
+
+    def of(self, scene: Scene, outputs: Sequence[Wanted], size: tuple[int, int], part: bool = False) -> Prepared:
+        """The plan and shader of a scene, from the cache if possible.
+
+        size : of the whole picture. part : True for a shader that draws parts of it.
+        """
+        passes = passes_for(outputs)
+        asked = (tuple(passes), size, part)
+        if self._last is not None and self._last[0] is scene and self._last[1] == asked:
+            return self._last[2]
+        key = (scene.planned, *asked)
+        found = self._ready.get(key)
+        if found is None:
+            make = prepared_part if part else assembled
+            found = make(self._planned(scene, passes, size))
+            self._add(key, found)
+        self._last = (scene, asked, found)  # large scenes take long to hash
+        return found
+
+    def adopt(self, scene: Scene, outputs: Sequence[Wanted], size: tuple[int, int], prepared: Prepared) -> None:
+        """Cache a scene that was prepared elsewhere."""
+        self._add((scene.planned, tuple(passes_for(outputs)), size, False), prepared)
+
+    def clear(self) -> None:
+        """Forget all scenes."""
+        self._ready.clear()
+        self._plans.clear()
+        self._last = None
+
+    def _add(self, key: tuple[Any, ...], prepared: Prepared) -> None:
+        self._ready[key], self._last = prepared, None
+        while len(self._ready) > max(PLANNED, self._resources.kept // 4):
+            self._ready.popitem(last=False)
+
+    def _planned(self, scene: Scene, passes: Sequence[str], size: tuple[int, int]) -> Plan:
+        """The plan of a scene. Those of qualities that differ in marching alone share their functions."""
+        plain = scene.replace(quality=marching.unmarched(scene.quality))
+        key = (plain.planned, tuple(passes), size)
+        if key in self._plans:
+            self._plans.move_to_end(key)
+            return marched_otherwise(self._plans[key], scene.quality, size)
+        found = self._plans[key] = plan(scene, passes, size, refuse=partial(self._refuse_slow, scene))
+        while len(self._plans) > PLANNED:
+            self._plans.popitem(last=False)
+        return found
+
+    def _refuse_slow(self, scene: Scene, seconds: float, operations: int, shapes: int) -> None:
+        """Refuse a field that takes too long to compile, before the rest is planned."""
+        driver = self._resources.context.driver
+        if driver.is_software:
+            check_compile_time(seconds, operations, shapes, scene, driver.renderer)
