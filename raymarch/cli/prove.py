@@ -28,7 +28,9 @@ def run(
         Path | None, typer.Option("--output", "-o", metavar="FILE.png", help="Write the verdict of each pixel.")
     ] = None,
     json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the figures as JSON.")] = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with 2 if a pixel is contradicted or open.")] = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit with 2 if a pixel is contradicted or open, or a fact is wrong.")
+    ] = False,
 ) -> None:
     for option, file, suffix in (("--output", output, ".png"), ("--json", json, ".json")):
         if file is not None and file.suffix.lower() != suffix:
@@ -46,7 +48,9 @@ def run(
         out.print(f"  {count:,} open: {reason}", markup=False)
     for what in found.as_dict()["contradictions"][:10]:
         out.print(f"  contradicted: {_shown(what)}", markup=False)
-    if strict and found.share < 1.0:
+    for fact in found.wrong_facts:
+        out.print(f"  {fact}", markup=False)
+    if strict and (found.share < 1.0 or found.wrong_facts):
         raise typer.Exit(2)
 
 

@@ -19,6 +19,7 @@ from raymarch.expr.node import Expr
 from raymarch.expr.types import STATE
 from raymarch.expr.walk import find, topological
 from raymarch.proof.enclosure import ENCLOSURES, SOLVED, Span, constant, jumping, stretches
+from raymarch.proof.facts import OURS
 from raymarch.proof.rays import Boxes, Rays, Stretch, Whole
 from raymarch.proof.rounding import Array, Interval, up
 from raymarch.scene.parameter import Values
@@ -33,9 +34,6 @@ ROWS = 1 << 12
 
 SIDES = 3
 """Most operations that jump on a stretch whose sides are evaluated one by one."""
-
-OURS = "raymarch."
-"""Modules whose definitions are tested by this project."""
 
 LONG = 100
 """Operations of a field that is long."""

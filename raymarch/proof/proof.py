@@ -16,6 +16,7 @@ from raymarch.errors import SceneError
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import numbers, short
 from raymarch.gpu.renderer import Renderer
+from raymarch.proof.facts import wrong_facts
 from raymarch.proof.parts import Operands
 from raymarch.proof.rays import Rays
 from raymarch.proof.search import CONTRADICTED, OPEN, PROVED, Given, Verdict, judge
@@ -52,6 +53,8 @@ class Proof:
     evaluations : (H, W) int64, enclosures of operands that were computed.
     reasons : what kept pixels open, with their number.
     tolerance : the tolerance as it was given.
+    wrong_facts : facts of definitions that are certainly wrong, each with the definition's file and line. Asked are the
+        user's definitions, and all if a pixel is contradicted.
     assumed : constants of definitions that the proof relies on: those of shapes that solve an equation in a loop.
     """
 
@@ -65,6 +68,7 @@ class Proof:
     reasons: Mapping[str, int]
     tolerance: str = field(default="0.05px")
     assumed: tuple[str, ...] = ()
+    wrong_facts: tuple[str, ...] = ()
 
     @property
     def share(self) -> float:
@@ -122,6 +126,7 @@ class Proof:
             "evaluations": float(self.evaluations.mean()),
             "reasons": dict(self.reasons),
             "assumed": list(self.assumed),
+            "wrong_facts": list(self.wrong_facts),
             "contradictions": [
                 {
                     "row": int(i),
@@ -204,6 +209,7 @@ def prove(
         reasons=reasons,
         tolerance=text,
         assumed=operands.assumed,
+        wrong_facts=wrong_facts(scene.node, values, every=bool(np.any(verdict.state == CONTRADICTED))),
     )
 
 
