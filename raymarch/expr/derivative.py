@@ -6,136 +6,33 @@ mode, with the tangents as additional state, because reverse mode would need the
 
 Derivatives at kinks and singular points are finite. The derivative of abs(x) and of length(v) at 0 is 0. That of
 max(a, b) where a = b is that of a, unless only b depends on the variable. Kinks of the same difference take the same
-side (see `_one_sided`): min(a, b) + abs(a - b) and max(a, b) have the same derivative.
+side (see `raymarch.expr.ties`): min(a, b) + abs(a - b) and max(a, b) have the same derivative.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
-from collections.abc import Set as AbstractSet
-from functools import cache
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 import raymarch.expr.vocabulary as v
-from raymarch.errors import SceneError
-from raymarch.expr.arrays import SMALLEST
-from raymarch.expr.choices import fold_choices, if_both, merge_calls, sides
+from raymarch.expr.adjoints import Masks, accumulate, taken
+from raymarch.expr.choices import merge_calls
 from raymarch.expr.function import Function, close_loop, sum_of
 from raymarch.expr.node import Expr, const, construct, make, swizzle, var
 from raymarch.expr.operations import operations_of
+from raymarch.expr.partials import ONE, PARTIALS, ZERO, Partials, safe_inverse, zero
 from raymarch.expr.raw import slope as raw_slope
 from raymarch.expr.samples import sample_slope
-from raymarch.expr.types import BOOL, FLOAT, STATE, VEC2, VEC3, Type
-from raymarch.expr.walk import attribute, depends_on, rebuild, rewrite, substitute, topological
-
-Partial: TypeAlias = Callable[[Expr], Expr]
-Partials: TypeAlias = tuple[Partial | None, ...]
-
-ONE, ZERO = const(1.0), const(0.0)
-
-
-def _not_above(low: Expr, high: Expr) -> Expr:
-    """Condition low <= high; for vectors 1 or 0 by component."""
-    return low <= high if low.type is FLOAT and high.type is FLOAT else v.step(low, high)
-
-
-def _indicator(low: Expr, high: Expr) -> Expr:
-    """1 where low <= high, else 0; by component."""
-    holds = _not_above(low, high)
-    return v.where(holds, 1.0, 0.0) if holds.type is BOOL else holds
-
-
-def _safe_inverse(x: Expr) -> Expr:
-    """1 / x for x > 0, 0 at x = 0."""
-    return v.sign(x) / v.max(x, SMALLEST)
-
-
-def _inverse_where_positive(x: Expr) -> Expr:
-    """1 / x for x > 0, else 0: the derivative of log, which is constant below its lower bound."""
-    return _safe_inverse(v.max(x, 0.0))
-
-
-def _within(clamped: Expr) -> Expr:
-    """1 where a clamped number is below its upper limit, or at it if the lower limit is known to be smaller; else 0.
-
-    If both limits are equal, the derivative is 0.
-    """
-    x, low, high = clamped.args
-    apart = low.op == high.op == "const" and bool(np.all(low.data < high.data))
-    return _indicator(x, high) if apart else 1.0 - _indicator(high, x)
-
-
-def _arg(i: int) -> Partial:
-    return lambda e: e.args[i]
-
-
-def _no_edges(e: Expr) -> Expr:
-    raise SceneError("smoothstep's edges depend on the position", legal="edges that are the same for every point")
-
-
-def _smoothstep_slope(e: Expr) -> Expr:
-    low, high, x = e.args
-    t = v.clamp((x - low) / (high - low), 0.0, 1.0)
-    return 6.0 * t * (1.0 - t) / (high - low)
-
-
-PARTIALS: Mapping[str, Partials] = {
-    **dict.fromkeys("sign floor ceil round hash fetch".split(), (None,)),
-    "add": (lambda e: ONE, lambda e: ONE),
-    "sub": (lambda e: ONE, lambda e: -ONE),
-    "mul": (_arg(1), _arg(0)),
-    "div": (lambda e: 1.0 / e.args[1], lambda e: -e / e.args[1]),
-    "mod": (lambda e: ONE, lambda e: -v.floor(e.args[0] / e.args[1])),
-    "neg": (lambda e: -ONE,),
-    "abs": (lambda e: v.sign(e.args[0]),),
-    "fract": (lambda e: ONE,),
-    "texture": (None, None, None, None),  # height maps are read as gradients, see `raymarch.scene.relief`
-    "sqrt": (lambda e: 0.5 * _safe_inverse(e),),
-    "exp": (lambda e: e,),
-    "exp2": (lambda e: math.log(2) * e,),
-    "log": (lambda e: _inverse_where_positive(e.args[0]),),
-    "log2": (lambda e: _inverse_where_positive(e.args[0]) / math.log(2),),
-    "sin": (lambda e: v.cos(e.args[0]),),
-    "cos": (lambda e: -v.sin(e.args[0]),),
-    "tan": (lambda e: 1.0 + e * e,),
-    "asin": (lambda e: _safe_inverse(v.sqrt(1.0 - e.args[0] * e.args[0])),),
-    "acos": (lambda e: -_safe_inverse(v.sqrt(1.0 - e.args[0] * e.args[0])),),
-    "atan": (lambda e: 1.0 / (1.0 + e.args[0] * e.args[0]),),
-    "atan2": (
-        lambda e: e.args[1] / v.max(e.args[0] * e.args[0] + e.args[1] * e.args[1], SMALLEST),
-        lambda e: -e.args[0] / v.max(e.args[0] * e.args[0] + e.args[1] * e.args[1], SMALLEST),
-    ),
-    "sinh": (lambda e: v.cosh(e.args[0]),),
-    "cosh": (lambda e: v.sinh(e.args[0]),),
-    "tanh": (lambda e: 1.0 - e * e,),
-    "pow": (lambda e: e.args[1] * e * _inverse_where_positive(e.args[0]), lambda e: e * v.log(e.args[0])),
-    "min": (lambda e: _indicator(*e.args), lambda e: 1.0 - _indicator(*e.args)),
-    "max": (lambda e: _indicator(*e.args[::-1]), lambda e: 1.0 - _indicator(*e.args[::-1])),
-    "step": (None, None),
-    "stop_gradient": (None,),
-    "clamp": (
-        lambda e: _indicator(e.args[1], e.args[0]) * _within(e),
-        lambda e: 1.0 - _indicator(e.args[1], e.args[0]),
-        lambda e: 1.0 - _within(e),
-    ),
-    "mix": (lambda e: 1.0 - e.args[2], lambda e: e.args[2], lambda e: e.args[1] - e.args[0]),
-    "smoothstep": (_no_edges, _no_edges, _smoothstep_slope),
-}
-"""Componentwise operations: the partial derivative for each argument; None where it is zero everywhere."""
+from raymarch.expr.ties import one_sided
+from raymarch.expr.types import BOOL, FLOAT, STATE, VEC2, VEC3
+from raymarch.expr.walk import depends_on, rebuild, rewrite, substitute, topological
 
 
 def _outer(a: Expr, b: Expr) -> Expr:
     return a @ v.transpose(b) if b.type.is_matrix else v.columns(*[a * b[i] for i in range(len(b))])
-
-
-@cache
-def zero(type: Type) -> Expr:
-    """The constant 0 of a type."""
-    return const([[0.0] * type.size] * type.size if type.is_matrix else [0.0] * type.size) if type.shape else ZERO
 
 
 def _inner(a: Expr, b: Expr) -> Expr:
@@ -163,7 +60,7 @@ def _gather(adjoint: Expr, e: Expr, index: int) -> Expr:
 
 def _unit(e: Expr, tangent: Expr) -> Expr:
     """Directional derivative of normalize; the Jacobian is symmetric."""
-    return (tangent - e * v.dot(e, tangent)) * _safe_inverse(v.length(e.args[0]))
+    return (tangent - e * v.dot(e, tangent)) * safe_inverse(v.length(e.args[0]))
 
 
 def slope_of_call(e: Expr, i: int) -> Expr:
@@ -280,7 +177,7 @@ def share_values(roots: Sequence[Expr]) -> list[Expr]:
 
 def saving(definition: Function) -> int:
     """Operations that a gradient takes beyond those of the value; 0 for other functions."""
-    plain: Function | None = definition.derived.get("gradient of")
+    plain: Function | None = definition.stated.gradient_of
     return operations_of(definition) - operations_of(plain) if plain is not None else 0
 
 
@@ -289,7 +186,7 @@ def share_calls(roots: Sequence[Expr]) -> list[Expr]:
     known = {
         (plain, node.args): node.data
         for node in topological(roots)
-        if node.op == "call" and (plain := node.data.derived.get("gradient of")) is not None
+        if node.op == "call" and (plain := node.data.stated.gradient_of) is not None
     }
     if not known:
         return list(roots)
@@ -341,95 +238,22 @@ def backpropagate(root: Expr, *variables: Expr) -> dict[Expr, Expr]:
     dependent = depends_on([root], variables)
     adjoints: dict[Expr, Expr] = {root: ONE}
     order = topological([root])
-    partials = _one_sided(order, dependent)
-    masks = _Masks()
+    partials = one_sided(order, dependent)
+    masks = Masks()
     for node in reversed(order):
         adjoint = adjoints.get(node)
         if adjoint is None or node not in dependent or node in variables:
             continue
         mask = masks.of(adjoint)
-        inner = _taken(adjoint, mask) if mask else adjoint
+        inner = taken(adjoint, mask) if mask else adjoint
         if node.op == "item":
             for variable in variables:
-                _accumulate(adjoints, variable, _back_through_loop(node, variable, inner), adjoint, mask)
+                accumulate(adjoints, variable, _back_through_loop(node, variable, inner), adjoint, mask)
             continue
         for i, arg in enumerate(node.args):
             if arg in dependent:
-                _accumulate(adjoints, arg, _backward(inner, node, i, partials), adjoint, mask)
+                accumulate(adjoints, arg, _backward(inner, node, i, partials), adjoint, mask)
     return adjoints
-
-
-LEAVES = 256
-"""Maximum number of nested choices that are examined."""
-
-
-class _Masks:
-    """The adjoints that are 0 on a side of a choice.
-
-    The side that is not taken has the adjoint 0, but derivatives there may be infinite, and the product is NaN.
-    Derivatives are therefore multiplied by the other sides, and the choice is applied to the products.
-    """
-
-    def __init__(self) -> None:
-        self._partly_zero: dict[Expr, bool] = {}
-        self._large: set[Expr] = set()
-
-    def of(self, adjoint: Expr) -> list[Expr]:
-        """The nested choices of an adjoint and their leaves, arguments first; none if no leaf is 0 or all are."""
-        if adjoint.op != "where" or not attribute(adjoint, self._partly_zero, self._is_partly_zero, sides):
-            return []
-        order = [] if any(side in self._large for side in sides(adjoint)) else topological([adjoint], sides, 2 * LEAVES)
-        if not order:
-            self._large.add(adjoint)
-        return order
-
-    def _is_partly_zero(self, value: Expr) -> bool:
-        return any(self._partly_zero[side] for side in sides(value)) or value is zero(value.type)
-
-
-def _taken(adjoint: Expr, mask: Sequence[Expr]) -> Expr:
-    """The choice between those leaves of an adjoint that are not 0."""
-    nothing = zero(adjoint.type)
-    inner = fold_choices(mask, lambda leaf: None if leaf is nothing else leaf, if_both(v.where))
-    return nothing if inner is None else inner
-
-
-def _masked(term: Expr, adjoint: Expr, mask: Sequence[Expr]) -> Expr:
-    """The term where an adjoint is not 0, else 0."""
-    nothing, nowhere = zero(term.type), zero(adjoint.type)
-    return fold_choices(mask, lambda leaf: nothing if leaf is nowhere else term, v.where)
-
-
-def _accumulate(adjoints: dict[Expr, Expr], node: Expr, term: Expr | None, adjoint: Expr, mask: Sequence[Expr]) -> None:
-    if term is None:
-        return
-    if mask:
-        term = _masked(term, adjoint, mask)
-    adjoints[node] = add_choices(adjoints[node], term) if node in adjoints else term
-
-
-def map_choices(change: Callable[[Expr], Expr], tree: Expr) -> Expr:
-    """A function of a value; of a choice, the choice between the function's values, unless there are too many."""
-    order = topological([tree], sides, limit=2 * LEAVES)
-    return fold_choices(order, change, v.where) if order else change(tree)
-
-
-def add_choices(a: Expr, b: Expr) -> Expr:
-    """a + b, as one choice where both are choices by the same condition."""
-    outer: list[tuple[Expr, Expr | None, Expr | None]] = []
-    while a.op == b.op == "where" and a.args[0] is b.args[0]:
-        condition, nothing = a.args[0], zero(a.type)
-        (yes, no), (yes_too, no_too) = a.args[1:], b.args[1:]
-        if no is nothing or no_too is nothing:
-            outer.append((condition, None, no_too if no is nothing else no))
-            a, b = yes, yes_too
-        else:
-            outer.append((condition, add_choices(yes, yes_too), None))
-            a, b = no, no_too
-    total = a + b
-    for condition, yes_sum, no_sum in reversed(outer):
-        total = v.where(condition, total if yes_sum is None else yes_sum, total if no_sum is None else no_sum)
-    return total
 
 
 def _backward(adjoint: Expr, node: Expr, i: int, partials: Mapping[Expr, Partials]) -> Expr | None:
@@ -461,89 +285,6 @@ def _scaled(adjoint: Expr, slope: Expr) -> Expr:
 def _times(adjoint: Expr, factor: Expr) -> Expr:
     """The product; for a constant factor 0 it is 0 and not -0."""
     return zero(adjoint.type) if factor is ZERO else adjoint * factor
-
-
-# Ties: kinks of the same difference take the same side.
-
-Terms: TypeAlias = frozenset[tuple[int, Expr]]
-"""A sum of signed expressions."""
-
-
-class _Side(NamedTuple):
-    """Sign of a difference: one sign where a condition holds, also at 0, the other elsewhere."""
-
-    condition: Expr
-    sign: int
-
-    def choose(self, negative: float, positive: float) -> Expr:
-        """`negative` where the difference counts as negative, `positive` elsewhere."""
-        yes, no = (negative, positive) if self.sign < 0 else (positive, negative)
-        if self.condition.type is BOOL:
-            return v.where(self.condition, yes, no)
-        return no + (yes - no) * self.condition
-
-
-def _one_sided(order: Sequence[Expr], dependent: AbstractSet[Expr]) -> dict[Expr, Partials]:
-    """Partial derivatives of kinks whose side of a tie differs from that in `PARTIALS`, by node.
-
-    Where a = b, min(a, b) has the derivative of a, as if a < b. A sum of kinks of a - b is then right only if all take
-    this side: abs(a - b) has the slope -1, and max(a, b) the derivative of b. The side is chosen by a comparison of a
-    and b, else by the first min, else by the first max; these prefer an argument that depends on the variable. An abs
-    alone keeps the slope 0, the mean of both sides.
-    """
-    kinks: dict[str, list[Expr]] = {op: [] for op in ("lt", "le", "min", "max", "abs")}
-    for node in order:
-        if node.op in kinks and node in dependent:
-            kinks[node.op].append(node)
-    found: dict[Terms, _Side] = {}
-    for node in kinks["lt"] + kinks["le"]:
-        if all(arg in dependent for arg in node.args):
-            found.setdefault(_difference(node), _Side(node, -1))
-    changed: dict[Expr, Partials] = {}
-    for node in kinks["min"] + kinks["max"]:
-        a, b = node.args
-        taken = -1 if node.op == "min" else 1
-        side = _known(_difference(node), found)
-        if side is None:
-            sign = taken if a in dependent else -taken
-            side = _Side(_not_above(a, b) if sign < 0 else _not_above(b, a), sign)
-            found[_difference(node)] = side
-        if side.sign != taken:
-            first = side.choose(1.0, 0.0) if taken < 0 else side.choose(0.0, 1.0)
-            changed[node] = (_given(first), _given(1.0 - first))
-    for node in kinks["abs"]:
-        if side := _known(_difference(node), found):
-            changed[node] = (_given(side.choose(-1.0, 1.0)),)
-    return changed
-
-
-def _given(slope: Expr) -> Partial:
-    return lambda e: slope
-
-
-def _known(terms: Terms, found: Mapping[Terms, _Side]) -> _Side | None:
-    """The chosen side of a difference or of its negative."""
-    if terms in found:
-        return found[terms]
-    side = found.get(frozenset((-sign, term) for sign, term in terms))
-    return side and _Side(side.condition, -side.sign)
-
-
-def _difference(kink: Expr) -> Terms:
-    """The expression that is 0 at a kink: x for abs(x) and max(x, 0), a - b for min(a, b), max(a, b) and
-    comparisons."""
-    terms = [term for arg, sign in zip(kink.args, (1, -1), strict=False) for term in _term(arg, sign)]
-    if len(terms) == 1 and terms[0][1].op in ("add", "sub"):
-        sign, inner = terms[0]
-        a, b = inner.args
-        terms = [*_term(a, sign), *_term(b, sign if inner.op == "add" else -sign)]
-    return frozenset(terms)
-
-
-def _term(e: Expr, sign: int) -> Sequence[tuple[int, Expr]]:
-    if e.op == "neg":
-        return ((-sign, e.args[0]),)
-    return () if e.op == "const" and not np.any(e.data) else ((sign, e),)
 
 
 # Opening: calls without a companion are inlined, so the tables above need no other calls.
@@ -588,20 +329,20 @@ def companion(definition: Function, along: int = 0) -> Function:
         value, slope = value_and_gradient(definition.body, definition.params[along])
         return gradient_function(definition, construct(slope, value))
 
-    return definition.once(("companion", along), make)
+    return definition.stated.gradients.get(along) or definition.once(("companion", along), make)
 
 
 def gradient_function(definition: Function, both: Expr) -> Function:
     """The function that returns `both`, the gradient and the value of another function."""
     made = Function(f"{definition.name}_gradient", definition.params, both, definition.names, definition.where)
-    made.derived["gradient of"] = definition
-    made.derived.update(definition.derived.get("readings of the gradient", {}))
+    made.stated.gradient_of = definition
+    made.stated.programs.update(definition.stated.programs_of_gradient)
     return made
 
 
 def state_gradient(definition: Function, both: Expr) -> Function:
     """State the companion of a function, which is then not derived. both : gradient and value."""
-    definition.derived["companion", 0] = made = gradient_function(definition, both)
+    definition.stated.gradients[0] = made = gradient_function(definition, both)
     return made
 
 
@@ -624,7 +365,7 @@ def tangents(roots: Sequence[Expr], seeds: Sequence[Mapping[Expr, Expr]]) -> lis
     moved: list[dict[Expr, Expr]] = [dict(seed) for seed in seeds]
     dependent = depends_on(roots, [variable for seed in seeds for variable in seed])
     order = topological(roots)
-    partials = _one_sided(order, dependent)
+    partials = one_sided(order, dependent)
     for node in order:
         if node not in dependent or node in moved[0]:
             continue

@@ -95,8 +95,15 @@ def _rule(node: Expr, reading: Reading, rules: Mapping[str, Rule]) -> Rule:
         raise KeyError(f"{type(reading).__name__} has no rule for '{node.op}' ({node!r})") from None
 
 
+def program_of(definition: Function, reading: Reading) -> Callable[..., Any]:
+    """How a reading evaluates a function: as it is stated, or the program of its body."""
+    return definition.stated.programs.get(reading) or definition.once(
+        ("program", reading), lambda: Program([definition.body], definition.params, reading)
+    )
+
+
 def _call_rule(definition: Function, reading: Reading) -> Rule:
-    program = definition.once(("program", reading), lambda: Program([definition.body], definition.params, reading))
+    program = program_of(definition, reading)
     return lambda _node, *args: program(*args)[0]
 
 

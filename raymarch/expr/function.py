@@ -25,6 +25,23 @@ _functions: WeakValueDictionary[tuple[Any, ...], Function] = WeakValueDictionary
 """All functions by content and line, so that unpickling returns the existing object."""
 
 
+@dataclass(slots=True)
+class Stated:
+    """What is stated of a function, in place of what follows from its body.
+
+    gradients : the functions that return gradient and value together, by the index of the parameter; the others are
+    derived by `raymarch.expr.derivative.companion`. gradient_of : the function whose gradient and value this one
+    returns. programs : how readings evaluate it. programs_of_gradient : how they evaluate its gradient and value.
+    limits : a `raymarch.expr.lattice.Limits`, None for no limits.
+    """
+
+    gradients: dict[int, Function] = field(default_factory=dict)
+    gradient_of: Function | None = None
+    programs: dict[Any, Callable[..., Any]] = field(default_factory=dict)
+    programs_of_gradient: dict[Any, Callable[..., Any]] = field(default_factory=dict)
+    limits: Any = None
+
+
 @dataclass(eq=False, repr=False, slots=True, weakref_slot=True)
 class Function:
     """A named function of typed parameters. `names` are those of some intermediate values."""
@@ -35,7 +52,8 @@ class Function:
     names: dict[Expr, str] = field(default_factory=dict)
     where: Location | None = None
     derived: dict[Any, Any] = field(default_factory=dict)
-    """Cache of derived objects (gradients, compiled programs) by key."""
+    """Objects that follow from the body (gradients, compiled programs), by key; see `once`."""
+    stated: Stated = field(default_factory=Stated)
 
     def __post_init__(self) -> None:
         _functions.setdefault((self.name, self.params, self.body, self.where), self)
@@ -57,6 +75,10 @@ class Function:
         if key not in self.derived:
             self.derived[key] = make()
         return self.derived[key]
+
+    def known_gradient(self, along: int = 0) -> Function | None:
+        """The function that returns gradient and value, if it was stated or derived before."""
+        return self.stated.gradients.get(along) or self.derived.get(("companion", along))
 
     @property
     def type(self) -> Type:
@@ -164,13 +186,14 @@ class _Deferred(Function):
         self.name = name
         self._parts = parts
         self.derived = {}
+        self.stated = Stated()
         _deferred.setdefault(name, []).append(self)
 
     def trace(self) -> None:
         """Fill in the other attributes, unless another thread has done so."""
         with _filling:
             if self in _deferred.get(self.name, ()):
-                super().__init__(self.name, *self._parts(), self.derived)
+                super().__init__(self.name, *self._parts(), self.derived, self.stated)
                 _deferred[self.name].remove(self)
 
     def __getattr__(self, name: str) -> Any:

@@ -418,7 +418,7 @@ def _mentions(text: str, name: str) -> bool:
 
 def _value_of(node: Expr) -> Expr:
     """The call of the function itself, for a call that returns its gradient too; any other expression as it is."""
-    plain = node.data.derived.get("gradient of") if node.op == "call" else None
+    plain = node.data.stated.gradient_of if node.op == "call" else None
     return node if plain is None else make("call", plain.type, node.args, plain)
 
 

@@ -37,7 +37,7 @@ def _limited(limits: Limits) -> Callable[[Function], Function]:
     """Decorator: state the limits of a function. Its interval reading, and that of its gradient, keep them."""
 
     def state(definition: Function) -> Function:
-        definition.derived["limits"] = limits
+        definition.stated.limits = limits
 
         def within(*args: Interval) -> tuple[Interval]:
             program = definition.once("range", lambda: Program([definition.body], definition.params, INTERVALS))
@@ -48,11 +48,10 @@ def _limited(limits: Limits) -> Callable[[Function], Function]:
 
         ends = np.array([limits.steepest] * 3 + [limits.high])
         gradient = np.array([-limits.steepest] * 3 + [limits.low]), ends
-        definition.derived["program", INTERVALS] = within
-        readings = {("program", INTERVALS): lambda *_args: (gradient,)}
-        definition.derived["readings of the gradient"] = readings
-        if ("companion", 0) in definition.derived:
-            definition.derived["companion", 0].derived.update(readings)
+        definition.stated.programs[INTERVALS] = within
+        definition.stated.programs_of_gradient[INTERVALS] = lambda *_args: (gradient,)
+        if (known := definition.known_gradient()) is not None:
+            known.stated.programs.update(definition.stated.programs_of_gradient)
         return definition
 
     return state
@@ -194,8 +193,8 @@ def _distances(feature: str, in_time: bool) -> Function:
     # not traced before they are used
     value = function(name, **types)(lambda q, *w: both(q, *w)[0])
     gradient = function(f"{name}_gradient", **types)(lambda q, *w: construct(*both(q, *w)[::-1]))
-    gradient.derived["gradient of"] = value
-    value.derived["companion", 0] = gradient
+    gradient.stated.gradient_of = value
+    value.stated.gradients[0] = gradient
     return _limited(Limits(0.0, 1.0, 1.0 if feature != "F2-F1" else 2.0))(value)
 
 

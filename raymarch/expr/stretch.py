@@ -55,7 +55,7 @@ class Along:
         if node.op in ("const", "param", "time", "var", "cell") or (all(map(_is_still, args)) and _plain(node)):
             return _still(node if not args else node_at_start(node, args))
         if node.op == "call":
-            if "limits" in node.data.derived:
+            if node.data.stated.limits is not None:
                 return _limited(self.r, node.data, *args)
             return self.of(node.data.body, dict(zip(node.data.params, args, strict=True)))
         if node.op == "loop":
@@ -273,7 +273,7 @@ def _limited(r: Reading, definition: Function, q: Sequence[Series], *more: Serie
     Along a straight line, the parabola of its slope at the start and its bend; else its steepest slope. Where these
     leave its range within the stretch, the range.
     """
-    limits = definition.derived["limits"]
+    limits = definition.stated.limits
     here = construct(*[part.c[0] for part in q])
     rest = [part.c[0] for part in more]
     straight = r.smooth and all(part.exact and len(part.c) <= 2 for part in q) and all(part.still for part in more)

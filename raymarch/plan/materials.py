@@ -9,8 +9,9 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from raymarch.expr.adjoints import add_choices, map_choices
 from raymarch.expr.choices import merge_calls
-from raymarch.expr.derivative import add_choices, map_choices, opened, raw_gradient, saving, share_values
+from raymarch.expr.derivative import opened, raw_gradient, saving, share_values
 from raymarch.expr.function import Function
 from raymarch.expr.node import Expr, const, construct, make, swizzle, var
 from raymarch.expr.operations import operations_of
@@ -201,7 +202,7 @@ class _Parts:
             if found is None:
                 found = Function(group.name, group.params, group.body)
                 slope = Function(group.name, group.params, construct(group.params[0], 0.0))
-                found.derived["companion", 0] = slope
+                found.stated.gradients[0] = slope
                 fields[found], slopes[slope] = group, group
             return found
 

@@ -28,7 +28,7 @@ import numpy as np
 
 from raymarch.expr import hashing, samples, tables, textures
 from raymarch.expr.arrays import FLOAT64, SHORTEST, SMALLEST, lift
-from raymarch.expr.evaluate import Program, Rule
+from raymarch.expr.evaluate import Program, Rule, program_of
 from raymarch.expr.function import Function, Loop
 from raymarch.expr.node import Expr
 from raymarch.expr.types import BOOL, FLOAT, Type
@@ -806,7 +806,7 @@ SOLVED: WeakKeyDictionary[Function, float] = WeakKeyDictionary()
 """Functions of a point that solve an equation in a loop, with their Lipschitz constants, which are assumed."""
 
 
-def _solved(program: Program, steepest: float, point: Span, *params: Span) -> Span | None:
+def _solved(program: Callable[..., Any], steepest: float, point: Span, *params: Span) -> Span | None:
     """The value at the centre, and a slope of at most the constant times the speed; None for parameters that vary.
 
     Newton's method on intervals diverges, although the root hardly moves.
@@ -823,9 +823,7 @@ def _solved(program: Program, steepest: float, point: Span, *params: Span) -> Sp
 def _call(node: Expr) -> Rule:
     """The step of a call."""
     definition: Function = node.data
-    program = definition.once(
-        ("program", ENCLOSURES), lambda: Program([definition.body], definition.params, ENCLOSURES)
-    )
+    program = program_of(definition, ENCLOSURES)
 
     def step(*values: Any) -> Any:
         steepest = SOLVED.get(definition)

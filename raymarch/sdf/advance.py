@@ -38,9 +38,10 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from raymarch.expr.curvature import Kinds, kinds_of
-from raymarch.expr.derivative import ONE, directional_derivatives, opened, share_values
+from raymarch.expr.derivative import directional_derivatives, opened, share_values
 from raymarch.expr.function import Function, function
 from raymarch.expr.node import Expr, const, var
+from raymarch.expr.partials import ONE
 from raymarch.expr.types import FLOAT, VEC2, VEC3
 from raymarch.expr.vocabulary import abs, length, max, min, step, vec2, vec3, where
 from raymarch.expr.walk import depends_on, find, rebuild, run, substitute, topological

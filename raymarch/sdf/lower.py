@@ -19,11 +19,12 @@ from numpy.typing import NDArray
 from raymarch.errors import Location, SceneError
 from raymarch.expr.arrays import bound, evaluator_of
 from raymarch.expr.convert import real, short
-from raymarch.expr.derivative import ONE, companion, directional_derivatives
+from raymarch.expr.derivative import companion, directional_derivatives
 from raymarch.expr.faults import Passage
-from raymarch.expr.function import Function, sum_of
+from raymarch.expr.function import Function, Stated, sum_of
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.node import Expr, const, construct, make, var
+from raymarch.expr.partials import ONE
 from raymarch.expr.types import FLOAT, MAT3, VEC3, vector
 from raymarch.expr.vocabulary import clamp, cross, dot, length, max, min, normalize, stop_gradient, where
 from raymarch.expr.walk import find, free_variables, rebuild, rewrite, run, substitute, topological
@@ -545,7 +546,7 @@ def reading_of(template: Function, undivided: bool) -> Function:
     if template.body.data is not BOUND:
         return template
     body = template.body.args[0 if undivided else 1]
-    return template.once(("reading", undivided), lambda: replace(template, body=body, derived={}))
+    return template.once(("reading", undivided), lambda: replace(template, body=body, derived={}, stated=Stated()))
 
 
 def _unlabelled(node: Node) -> Node:

@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from raymarch.expr.curvature import Kinds
-from raymarch.expr.derivative import ZERO, directional_derivatives
+from raymarch.expr.derivative import directional_derivatives
 from raymarch.expr.function import function
 from raymarch.expr.node import Expr
+from raymarch.expr.partials import ZERO
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import floor, max, min, where
 from raymarch.expr.walk import depends_on, topological

@@ -455,8 +455,8 @@ def _every_row(rows: Rows) -> Function:
     slopes = [stored.called(i, companion(form.columns.field), p, nearest[1]) for i, form in enumerate(rows.forms)]
     slope = state_gradient(made, stored.choose(nearest[1], slopes))
     for reading in (FLOAT64, FLOAT32):
-        made.derived["program", reading] = lambda points, t=reading.dtype: (_distances(rows, points).astype(t),)
-        slope.derived["program", reading] = lambda points, t=reading.dtype: (_gradients(rows, points).astype(t),)
+        made.stated.programs[reading] = lambda points, t=reading.dtype: (_distances(rows, points).astype(t),)
+        slope.stated.programs[reading] = lambda points, t=reading.dtype: (_gradients(rows, points).astype(t),)
     return made
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import reduce
 
-from raymarch.expr.derivative import ONE, add_choices, map_choices, partial_derivatives
+from raymarch.expr.adjoints import add_choices, map_choices
+from raymarch.expr.derivative import partial_derivatives
 from raymarch.expr.function import Function
 from raymarch.expr.node import Expr
+from raymarch.expr.partials import ONE
 from raymarch.expr.types import BOOL, VEC2
 from raymarch.expr.vocabulary import abs, min, where
 from raymarch.expr.walk import depends_on, find, topological

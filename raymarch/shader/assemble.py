@@ -367,7 +367,7 @@ class _Places:
         self.origins: Mapping[Expr, Location] = plan.origins
         self._scene = plan.scene.where
         self._gradients = {  # a gradient calls the companions of the field's functions, with the same arguments
-            (e.data.derived.get(("companion", 0)), e.args): where for e, where in plan.origins.items() if e.op == "call"
+            (e.data.known_gradient(), e.args): where for e, where in plan.origins.items() if e.op == "call"
         }
         self._first_use: dict[Location | None, Location | None] = {}
         placed = [node for node in all_nodes(plan.scene.node) if node.where is not None]

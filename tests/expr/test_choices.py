@@ -7,9 +7,10 @@ import pytest
 
 import raymarch.expr.vocabulary as v
 from raymarch.errors import SceneError
+from raymarch.expr.adjoints import add_choices, map_choices
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.choices import merge_calls
-from raymarch.expr.derivative import add_choices, companion, gradient, map_choices
+from raymarch.expr.derivative import companion, gradient
 from raymarch.expr.function import Function, function
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.node import Expr, const, var

@@ -15,10 +15,10 @@ from raymarch.expr.derivative import (
     gradient,
     partial_derivatives,
     value_and_gradient,
-    zero,
 )
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.node import make
+from raymarch.expr.partials import zero
 from raymarch.expr.types import FLOAT, MAT2, VEC2, VEC3
 from raymarch.expr.walk import find, topological
 from raymarch.gpu.context import Context

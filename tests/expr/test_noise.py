@@ -69,7 +69,7 @@ def test_limits_hold_and_are_sharp(name: Any) -> None:
         "gradient in time": gradient_lattice_in_time,
         **WORLEY,
     }[name]
-    limits = definition.derived["limits"]
+    limits = definition.stated.limits
     value = definition(P, *[rm.expr.node.const(x) for x in (0.0, 2.0)][: len(definition.params) - 1])
     random = np.random.default_rng(5)
     directions = random.normal(size=POINTS.shape)

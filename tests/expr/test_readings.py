@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from raymarch.expr import Expr, Function, const
 from raymarch.expr import intervals as interval_reading
 from raymarch.expr.arrays import RULES, evaluator, value_of
-from raymarch.expr.derivative import BACKWARD, FORWARD, PARTIALS, gradient
+from raymarch.expr.derivative import BACKWARD, FORWARD, gradient
 from raymarch.expr.evaluate import Program
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.intervals import INTERVALS
+from raymarch.expr.partials import PARTIALS
 from raymarch.expr.templates import TEMPLATES
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import dot
