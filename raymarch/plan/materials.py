@@ -28,6 +28,7 @@ from raymarch.scene.fields import FIELDS, GLASS, PHYSICAL, RELIEF
 from raymarch.scene.material import Material
 from raymarch.scene.scene import Scene
 from raymarch.scene.surfaces import bsdf_of
+from raymarch.sdf.columns import Packing
 from raymarch.sdf.labels import seen_labels
 from raymarch.sdf.lower import (
     LOCAL_INTERACTION,
@@ -39,7 +40,7 @@ from raymarch.sdf.lower import (
     material_expressions,
 )
 from raymarch.sdf.node import Node
-from raymarch.sdf.rows import Packing, Slot
+from raymarch.sdf.rows import Slot
 from raymarch.sdf.weights import weights_of
 
 

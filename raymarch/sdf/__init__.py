@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from raymarch.sdf import lower as _lower  # these register how a node is evaluated, printed and pickled
 from raymarch.sdf import pickling as _pickling
+from raymarch.sdf.ball_parts import *
 from raymarch.sdf.booleans import *
 from raymarch.sdf.boxes import *
 from raymarch.sdf.cells import *
@@ -19,11 +20,14 @@ from raymarch.sdf.flat import *
 from raymarch.sdf.flat_curves import *
 from raymarch.sdf.folds import *
 from raymarch.sdf.fractals import *
+from raymarch.sdf.heights import *
+from raymarch.sdf.heights import displace_by_image
 from raymarch.sdf.implicit import *
 from raymarch.sdf.instancing import *
 from raymarch.sdf.joints import *
 from raymarch.sdf.joints import complement
 from raymarch.sdf.lettering import *
+from raymarch.sdf.meshes import *
 from raymarch.sdf.node import *
 from raymarch.sdf.noise import *
 from raymarch.sdf.noise import displace_by, displace_by_noise
@@ -35,7 +39,6 @@ from raymarch.sdf.raw import *
 from raymarch.sdf.repetition import repeat
 from raymarch.sdf.rounds import *
 from raymarch.sdf.sampled import *
-from raymarch.sdf.sampled import displace_by_image
 from raymarch.sdf.solids import *
 from raymarch.sdf.visibility import visible
 

@@ -20,7 +20,7 @@ from raymarch.sdf.same import Same, same
 
 if TYPE_CHECKING:
     from raymarch.expr.function import Function
-    from raymarch.sdf import booleans, copies, deform, noise, placing, profiles, repetition, sampled
+    from raymarch.sdf import booleans, copies, deform, heights, noise, placing, profiles, repetition
     from raymarch.sdf.definition import Definition
     from raymarch.sdf.domain import Scalar, Vector
 
@@ -214,7 +214,7 @@ class Node:
         orient, shear, wrap_around = placing.orient, deform.shear, deform.wrap_around
         twist, bend, taper, displace = deform.twist, deform.bend, deform.taper, deform.displace
         displace_by, displace_by_noise = noise.displace_by, noise.displace_by_noise
-        displace_by_image, extrude_to = sampled.displace_by_image, profiles.extrude_to
+        displace_by_image, extrude_to = heights.displace_by_image, profiles.extrude_to
         repeat, polar = repetition.repeat, copies.polar
         repeat_mirrored, repeat_interval = copies.repeat_mirrored, copies.repeat_interval
         material = placing.material

@@ -17,7 +17,8 @@ import numpy as np
 
 import raymarch as rm
 from raymarch import cache as disk
-from raymarch.sdf.sampled import BALL, _from_cache
+from raymarch.sdf.meshes import _from_cache
+from raymarch.sdf.sampled import BALL
 from tests.hard.world import Figure, World, case, refusals
 from tests.support import odd_arguments as odd
 

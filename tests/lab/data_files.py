@@ -36,7 +36,7 @@ from raymarch.files import read_json, reading
 from raymarch.plan import cells
 from raymarch.plan.gather import gather
 from raymarch.scene.quality import PRESETS, Quality
-from raymarch.sdf.sampled import mesh
+from raymarch.sdf.meshes import mesh
 from raymarch.window.accuracy import measured_stops
 from raymarch.window.state import SAVED_SETTINGS
 from raymarch.window.state import opened as opened_state

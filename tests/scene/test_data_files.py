@@ -18,7 +18,7 @@ import raymarch as rm
 from raymarch import cache
 from raymarch.errors import SceneError
 from raymarch.sdf import mesh_files
-from raymarch.sdf.sampled import mesh
+from raymarch.sdf.meshes import mesh
 from tests.lab import data_files
 
 

@@ -11,7 +11,7 @@ import trimesh
 
 import raymarch as rm
 from raymarch.errors import SceneError, SceneWarning
-from raymarch.sdf.sampled import mesh
+from raymarch.sdf.meshes import mesh
 
 POINTS = np.random.default_rng(7).uniform(-1.5, 1.5, (4000, 3))
 SIZE = np.array([1.0, 2.0, 1.0])
