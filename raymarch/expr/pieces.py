@@ -25,7 +25,7 @@ class Line(NamedTuple):
     source: Expr | None
 
 
-class Form(NamedTuple):
+class Breaks(NamedTuple):
     """How a text may be broken over lines: a "call", "infix", "choice", "prefix" or "suffix", and its symbol."""
 
     kind: str
@@ -40,7 +40,7 @@ class Piece(NamedTuple):
     text: str
     binding: int
     depth: int
-    form: Form | None = None
+    form: Breaks | None = None
 
 
 ATOM, POSTFIX, UNARY, TIMES, PLUS, ORDER, AND, OR, CHOICE = range(9)
@@ -78,7 +78,7 @@ def wrap(piece: Piece, binding: int) -> Piece:
     """The piece, in parentheses if it binds more loosely."""
     if piece.binding <= binding:
         return piece
-    return Piece(f"({piece.text})", ATOM, piece.depth, Form("call", "", (piece,), (None,)))
+    return Piece(f"({piece.text})", ATOM, piece.depth, Breaks("call", "", (piece,), (None,)))
 
 
 def depth_of(pieces: Sequence[Piece]) -> int:
@@ -89,7 +89,7 @@ def depth_of(pieces: Sequence[Piece]) -> int:
 def call_text(name: str, pieces: Sequence[Piece], sources: Sequence[Expr]) -> Piece:
     """A call of a function."""
     text = f"{name}({', '.join(p.text for p in pieces)})"
-    return Piece(text, ATOM, depth_of(pieces), Form("call", name, tuple(pieces), tuple(sources)))
+    return Piece(text, ATOM, depth_of(pieces), Breaks("call", name, tuple(pieces), tuple(sources)))
 
 
 def laid_out(indent: str, before: str, piece: Piece, after: str, source: Expr | None) -> list[Line]:

@@ -19,7 +19,7 @@ from raymarch.expr.pieces import (
     POSTFIX,
     TIMES,
     UNARY,
-    Form,
+    Breaks,
     Piece,
     call_text,
     constant,
@@ -67,7 +67,7 @@ def _commutative(name: str) -> Template:
 
 def _joined(symbol: str, binding: int, parts: tuple[Piece, Piece], depth: int, sources: tuple[Expr, ...]) -> Piece:
     text = f"{parts[0].text} {symbol} {parts[1].text}"
-    return Piece(text, binding, depth, Form("infix", symbol, parts, sources))
+    return Piece(text, binding, depth, Breaks("infix", symbol, parts, sources))
 
 
 def _infix(symbol: str, binding: int) -> Template:
@@ -97,7 +97,7 @@ def _prefix(symbol: str) -> Template:
         product = symbol == "-" and pieces[0].binding == TIMES  # -a * b is -(a * b)
         inner = wrap(pieces[0], ATOM if pieces[0].text.startswith(symbol) else TIMES if product else POSTFIX)
         binding = max(inner.binding, UNARY)
-        return Piece(symbol + inner.text, binding, depth_of(pieces), Form("prefix", symbol, (inner,), node.args))
+        return Piece(symbol + inner.text, binding, depth_of(pieces), Breaks("prefix", symbol, (inner,), node.args))
 
     return template
 
@@ -213,7 +213,7 @@ def _atan(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piec
 
 def _swizzle(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
     inner = wrap(pieces[0], POSTFIX)
-    form = Form("suffix", f".{node.data}", (inner,), node.args)
+    form = Breaks("suffix", f".{node.data}", (inner,), node.args)
     return Piece(f"{inner.text}.{node.data}", POSTFIX, pieces[0].depth, form)
 
 
@@ -262,7 +262,7 @@ def _where(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Pie
         return call_text("chosen", pieces, node.args)
     condition, yes, no = parts = tuple(wrap(p, b) for p, b in zip(pieces, (OR, OR, CHOICE), strict=True))
     text = f"{condition.text} ? {yes.text} : {no.text}"
-    return Piece(text, CHOICE, depth_of(pieces), Form("choice", "", parts, node.args))
+    return Piece(text, CHOICE, depth_of(pieces), Breaks("choice", "", parts, node.args))
 
 
 def _floor_of_half(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:

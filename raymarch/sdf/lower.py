@@ -7,7 +7,7 @@ function. The rest is one expression, in which equal subtrees are one object.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import cycle
@@ -596,8 +596,10 @@ def evaluate_distance(node: Node, points: NDArray[np.float64]) -> NDArray[np.flo
 
 @called_by_nodes
 def values_bound(node: Node, time: float, params: Mapping[str, Any] | None) -> AbstractContextManager[None]:
-    """Bind the time and values of parameters for an evaluation; see `Node.distance`."""
+    """Bind the time and values of parameters for an evaluation, if any are given; see `Node.distance`."""
     seconds = real("time", time)
+    if not params and seconds == 0.0:
+        return nullcontext()  # the defaults, or what is bound around the call
     if not params:
         return bound({}, seconds)
     specs = {leaf.data.name: leaf.data for leaf in find(field_of(node).inner, "param")}
