@@ -83,11 +83,11 @@ def way_out(depth: Expr, exit: Expr, level: Expr, growth: Expr) -> Expr:
     return min(way_above(vec2(depth, -depth / max(exit, FLATTEST)), level, growth), max(exit, 0.0))
 
 
-@function(first=FLOAT, border=FLOAT, line=VEC2, level=FLOAT, growth=FLOAT, steepest=FLOAT)
-def way_in_pieces(first: Expr, border: Expr, line: Expr, level: Expr, growth: Expr, steepest: Expr) -> Expr:
-    """The advance `first` of a field that is of the form read up to a border, above a line, and Lipschitz beyond."""
-    left = max(line.x + line.y * border - level - growth * border, 0.0)
-    return where(first < border, first, border + left / (steepest + growth))
+@function(first=FLOAT, border=FLOAT, there=FLOAT, steepest=FLOAT)
+def way_in_pieces(first: Expr, border: Expr, there: Expr, steepest: Expr) -> Expr:
+    """The advance `first` of a field that is of the form read up to a border, where it is at least `there` above the
+    level, and Lipschitz beyond."""
+    return where(first < border, first, border + max(there, 0.0) / steepest)
 
 
 @function(here=FLOAT, there=FLOAT, s=FLOAT)
@@ -130,27 +130,53 @@ Ahead: TypeAlias = Callable[[Expr, Expr], Expr]
 class Reading:
     """What a node answers along a ray; see the head of this module.
 
-    straight : True if `ahead` is the way of the line alone.
+    straight : True if nothing but lines is known below the field.
+    curve : for a smooth minimum, a concave function of the way s below the field, in place of the line.
+    first : for that, the way to where the first of the operands' lines meets the level.
     """
 
     value: Expr
     line: Line
     ahead: Ahead
     straight: bool = False
+    curve: Callable[[Expr], Expr] | None = None
+    first: Ahead | None = None
+
+    def below(self, s: Expr) -> Expr:
+        """A concave function of the way s that is nowhere above the field."""
+        return self.line.at(s) if self.curve is None else self.curve(s)
+
+    def meets(self, level: Expr, growth: Expr) -> Expr:
+        """The way to where the first line meets the level."""
+        return self.line.way(level, growth) if self.first is None else self.first(level, growth)
 
     def shifted(self, value: Expr, offset: Expr) -> Reading:
         """The reading of the value plus a number that does not depend on the point."""
         line = Line(self.line.value + offset, self.line.slope)
-        if self.straight:
+        if self.straight and self.curve is None:
             return of_line(value, line)
-        return Reading(value, line, lambda level, growth: self.ahead(level - offset, growth))
+        return Reading(
+            value,
+            line,
+            lambda level, growth: self.ahead(level - offset, growth),
+            self.straight,
+            lambda s: self.below(s) + offset,
+            lambda level, growth: self.meets(level - offset, growth),
+        )
 
     def scaled(self, value: Expr, factor: Expr) -> Reading:
         """The reading of the value times a factor > 0 that does not depend on the point."""
         line = Line(self.line.value * factor, self.line.slope * factor)
-        if self.straight:
+        if self.straight and self.curve is None:
             return of_line(value, line)
-        return Reading(value, line, lambda level, growth: self.ahead(level / factor, growth / factor))
+        return Reading(
+            value,
+            line,
+            lambda level, growth: self.ahead(level / factor, growth / factor),
+            self.straight,
+            lambda s: self.below(s) * factor,
+            lambda level, growth: self.meets(level / factor, growth / factor),
+        )
 
     def beside(self, line: Line) -> Reading:
         """The same, where a further line lies below the value."""
@@ -183,11 +209,18 @@ def smooth_minimum_of(value: Expr, fold: Function, a: Reading, b: Reading, width
     """The reading of a smooth minimum: concave in two distances that lie above lines, so it lies above its chord from
     here to where the first line meets the level."""
 
+    straight = a.straight and b.straight
+
+    def first(level: Expr, growth: Expr) -> Expr:
+        return min(a.meets(level, growth), b.meets(level, growth))
+
+    def curve(s: Expr) -> Expr:
+        return fold(a.below(s), b.below(s), width)
+
     def ahead(level: Expr, growth: Expr) -> Expr:
-        first = min(a.line.way(level, growth), b.line.way(level, growth))
-        there = fold(a.line.at(first), b.line.at(first), width) - level - growth * first
-        found = chord(value - level, there, first)
-        if fold not in UNIFORM or (a.straight and b.straight):
+        s = first(level, growth)
+        found = chord(value - level, curve(s) - level - growth * s, s)
+        if fold not in UNIFORM or straight:
             return found
         above = level + 0.25 * width
         return max(found, min(a.ahead(above, growth), b.ahead(above, growth)))
@@ -195,7 +228,7 @@ def smooth_minimum_of(value: Expr, fold: Function, a: Reading, b: Reading, width
     slope = min(a.line.slope, b.line.slope)
     if fold not in UNIFORM:  # the partial derivatives add up to at most the root of 2
         slope = min(slope, math.sqrt(2.0) * slope)
-    return Reading(value, Line(value, slope), ahead)
+    return Reading(value, Line(value, slope), ahead, straight, curve, first)
 
 
 def smooth_maximum_of(value: Expr, fold: Function, a: Reading, b: Reading, width: Expr) -> Reading:
@@ -559,8 +592,8 @@ def _in_pieces(ask: Ask, found: Reading, border: Expr) -> Reading:
     steepest = ask.steepest
 
     def ahead(level: Expr, growth: Expr) -> Expr:
-        line = vec2(found.line.value, found.line.slope)
-        return way_in_pieces(found.ahead(level, growth), border, line, level, growth, steepest)
+        there = found.below(border) - level - growth * border
+        return way_in_pieces(found.ahead(level, growth), border, there, steepest + growth)
 
     return Reading(found.value, Line(found.value, -steepest), ahead)
 

@@ -145,7 +145,7 @@ def main() -> None:
     parser.add_argument("--pairs", type=int, default=5)
     given = parser.parse_args()
     width, height = map(int, given.size.split("x"))
-    size, pixel = (width, height), 2.0 * np.tan(np.radians(CAMERA.fov / 2)) / height
+    size, pixel = (width, height), 2.0 * np.tan(np.radians(float(CAMERA.fov) / 2)) / height
     if given.examples is not None:
         names = given.examples or sorted(str(f.relative_to(EXAMPLES))[:-3] for f in EXAMPLES.rglob("*.py"))
         for name in names:

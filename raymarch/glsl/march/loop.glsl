@@ -139,6 +139,13 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
     hit.done = found || escaped;
     hit.found = found;
     hit.t = found ? at.t + last_step(widths, at) : at.t;
+#ifdef ADVANCE
+#ifdef ORTHOGRAPHIC
+    if (found) hit.t += way_below_level(ray, at.t, widths.x * at.t + widths.y);
+#else
+    if (found) hit.t += way_below_level(ray, at.t, widths.x + widths.y * at.t);
+#endif
+#endif
     hit.residual = abs(at.r);
 #ifndef UNCOUNTED
     hit.iterations += steps;

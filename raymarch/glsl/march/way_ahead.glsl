@@ -2,14 +2,23 @@
 // surface and inside, where it is not free, the field less that error. `side` is -1 inside of a solid.
 const float SLOPE_ERROR = 1.0e-6;  // of the slope along a ray in float32
 
+float approach = 1.0;  // how much the field falls per unit of the way to the surface, at the last sample that knew it
 float way_behind;  // how far the ray is free before the last sample, by the value of the field alone
 bool by_distance;  // whether that is also all that is known ahead
 
 float free_way(vec2 found, float level, float side) {
     float r = side * found.x - level;
     way_behind = abs(r);
+    if (found.y > 0.0 && found.x > 8.0 * level) approach = min(r / found.y, 1.0);
     by_distance = side < 0.0 || found.y < 1.01 * r;
     return found.y > 0.0 && side > 0.0 ? found.y : r;
+}
+
+// From where the field falls to its rounding error to the surface; at most a quarter of the width of a hit.
+float way_below_level(Ray ray, float t, float width) {
+    vec3 size = abs(ray.origin);
+    float level = 2.0 * GROWTH * (max(size.x, max(size.y, size.z)) + t);
+    return min(level / max(approach, 1.0e-6), 0.25 * width);
 }
 
 #ifdef ANALYTIC
