@@ -36,6 +36,7 @@ REFUSED = ("raw", "raw_slope", "sample", "sample_slope", "texture", "fetch")
 
 STATE = {
     "u_side": ("-1 if the camera is inside of the solid, else 1", "1.0"),
+    "stretch_ahead": ("the stretch of the ray that `field_advance` looks at: see raymarch/sdf/advance.py", "1.0"),
     "ray_kind": (", ".join(f"{i} for {kind} rays" for i, kind in enumerate(KINDS)), "0.0"),
 }
 """Variables that a shader sets while it draws: their meaning, and the initial value."""
