@@ -82,7 +82,7 @@ def test_a_parameter_neither_plans_nor_compiles_again(renderer: Renderer, monkey
     def refuse(*_: Any) -> None:
         raise AssertionError("planned again")
 
-    monkeypatch.setattr("raymarch.gpu.renderer.assembled", refuse)
+    monkeypatch.setattr("raymarch.gpu.prepared_scenes.assembled", refuse)
     pictures = [renderer.render(SCENE, params={"radius": r}).color for r in (0.5, 1.5)]
     assert renderer.compiled == before
     assert not np.array_equal(*pictures)

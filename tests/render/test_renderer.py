@@ -493,7 +493,7 @@ def test_a_renderer_plans_the_functions_of_a_scene_once(monkeypatch):
         calls.append(args)
         return plan(*args, **named)
 
-    monkeypatch.setattr("raymarch.gpu.renderer.plan", counted)
+    monkeypatch.setattr("raymarch.gpu.prepared_scenes.plan", counted)
     scene = rm.Scene(rm.union(rm.box(), rm.sphere(), k=0.1))
     with rm.Renderer((16, 9)) as renderer:
         for epsilon in (0.5, 0.1, 0.02):
