@@ -18,6 +18,7 @@ from raymarch.expr.walk import find
 from raymarch.sdf.definition import shape
 from raymarch.sdf.derivation import divisor_of
 from raymarch.sdf.domain import Domain
+from raymarch.sdf.facts import Facts
 from raymarch.sdf.lower import lower
 from raymarch.sdf.node import Node, solid
 from raymarch.sdf.placing import affine, material, refuse_label, translate
@@ -119,7 +120,8 @@ def _materials(given: Any, n: int) -> tuple[tuple[Any, ...], NDArray[np.int64]]:
     return tuple(unique), known[chosen].astype(np.int64)
 
 
-def rows_from(node: Node, transforms: ArrayLike, materials: Any) -> Rows:
+def _repeatable(node: Node) -> Facts:
+    """The facts of a solid that may be an instance. SceneError for another."""
     facts = solid("instances", node).facts
     wrong = {
         "an estimate": facts.exactness == "estimate",
@@ -136,6 +138,12 @@ def rows_from(node: Node, transforms: ArrayLike, materials: Any) -> Rows:
     if hiding_nodes(node):
         what = "instances of a solid with parts that are hidden by visible"
         raise SceneError(what, legal="instances(...).visible(...)")
+    return facts
+
+
+def rows_from(node: Node, transforms: ArrayLike, materials: Any) -> Rows:
+    """The rows of the instances of a solid; see `instances`."""
+    facts = _repeatable(node)
     linear, offsets = _placements(transforms)
     n = len(offsets)
     offset = var("offset", VEC3)
