@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json as json_format
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -28,6 +28,7 @@ def run(
         Path | None, typer.Option("--output", "-o", metavar="FILE.png", help="Write the verdict of each pixel.")
     ] = None,
     json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the figures as JSON.")] = None,
+    whole: Annotated[bool, typer.Option("--whole", help="Also bound how much of each pixel is covered.")] = False,
     strict: Annotated[
         bool, typer.Option("--strict", help="Exit with 2 if a pixel is contradicted or open, or a fact is wrong.")
     ] = False,
@@ -35,9 +36,12 @@ def run(
     for option, file, suffix in (("--output", output, ".png"), ("--json", json, ".json")):
         if file is not None and file.suffix.lower() != suffix:
             raise CommandError(f"{option} {file}", legal=f"a file that ends in {suffix}")
-    params, pixels = parse_settings(set_ or []), parse_size(size)
+    params, shape = parse_settings(set_ or []), parse_size(size)
+    pixels: Literal["centre", "whole"] = "whole" if whole else "centre"
     with bar("proof", 1.0) as progress:
-        found = prove(load(scene), size=pixels, within=within, time=time, params=params, progress=progress)
+        found = prove(
+            load(scene), size=shape, within=within, time=time, params=params, pixels=pixels, progress=progress
+        )
     if output is not None:
         write(output, lambda partial: found.image().save(partial, "PNG"))
     if json is not None:

@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from raymarch.expr.convert import numbers, short
 from raymarch.gpu.renderer import Renderer
 from raymarch.proof.facts import wrong_facts
 from raymarch.proof.parts import Operands
+from raymarch.proof.pixels import coverage
 from raymarch.proof.rays import Rays
 from raymarch.proof.search import CONTRADICTED, OPEN, PROVED, Given, Verdict, judge
 from raymarch.scene.camera import Pose
@@ -55,6 +56,8 @@ class Proof:
     tolerance : the tolerance as it was given.
     wrong_facts : facts of definitions that are certainly wrong, each with the definition's file and line. Asked are the
         user's definitions, and all if a pixel is contradicted.
+    coverage : with `pixels="whole"`, two arrays (H, W), 0 to 1: the least and the greatest part of each pixel that the
+        solid covers; else None.
     assumed : constants of definitions that the proof relies on: those of shapes that solve an equation in a loop.
     """
 
@@ -69,6 +72,7 @@ class Proof:
     tolerance: str = field(default="0.05px")
     assumed: tuple[str, ...] = ()
     wrong_facts: tuple[str, ...] = ()
+    coverage: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
 
     @property
     def share(self) -> float:
@@ -99,6 +103,12 @@ class Proof:
         ]
         if self.grazing.any():
             parts += [f"for {int(self.grazing.sum()):,} of them in space, but not along the ray, which grazes it"]
+        if self.coverage is not None:
+            low, high = self.coverage
+            whole, empty = int(np.sum(low == 1.0)), int(np.sum(high == 0.0))
+            parts += [
+                f"{whole:,} pixels are covered, {empty:,} empty, {low.size - whole - empty:,} hold an edge or may"
+            ]
         parts += [f"{self.contradicted:,} contradicted"] if self.contradicted else []
         parts += [f"{self.open:,} open"] if self.open else []
         return "; ".join(parts)
@@ -152,6 +162,7 @@ def prove(
     within: str | float = "0.05px",
     time: float | None = None,
     params: Mapping[str, ParamValue] | None = None,
+    pixels: Literal["centre", "whole"] = "centre",
     progress: Callable[[float], None] | None = None,
 ) -> Proof:
     """Prove the hits of a picture by intervals that are rounded outwards.
@@ -165,6 +176,7 @@ def prove(
     within : the tolerance: "0.05px" is a part of the width of a pixel at the hit; a number is a length. Above 0.
     time : seconds. None is the time of the frame, or 0.
     params : values of parameters by name, within their ranges; the others keep their defaults.
+    pixels : "whole" also bounds the part of each pixel that the solid covers, by beams around all rays of the pixel.
     progress : called with the share that is done, 0 to 1.
 
     Returns a `Proof`.
@@ -178,6 +190,8 @@ def prove(
     Raises SceneError for a frame without depths (H, W) or with NaN, and for a tolerance that is not above 0.
     """
     scene = as_scene("prove", scene)
+    if pixels not in ("centre", "whole"):
+        raise SceneError(f"prove: pixels = {short(pixels)}", legal='"centre" or "whole"')
     share, length, text = _tolerance(within)
     if frame is None:
         with Renderer(size) as renderer:
@@ -198,6 +212,10 @@ def prove(
     operands = Operands(scene.node, values, "camera", whole=False)
     verdict, reasons = _verdict(operands, scene.node, values, rays, start, end, hit, tolerance, progress)
     shape = (height, width)
+    covered = None
+    if pixels == "whole":
+        near = _least_beside(np.minimum(depth, end.reshape(shape)))
+        covered = coverage(operands, pose, (width, height), near, start.reshape(shape), end.reshape(shape))
     return Proof(
         state=verdict.state.reshape(shape),
         grazing=(verdict.grazing & (verdict.state == PROVED)).reshape(shape),
@@ -209,8 +227,15 @@ def prove(
         reasons=reasons,
         tolerance=text,
         assumed=operands.assumed,
+        coverage=covered,
         wrong_facts=wrong_facts(scene.node, values, every=bool(np.any(verdict.state == CONTRADICTED))),
     )
+
+
+def _least_beside(depth: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The least of each pixel and its neighbours."""
+    wide = np.pad(depth, 1, mode="edge")
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(wide, (3, 3)).min(axis=(2, 3)))
 
 
 def _tolerance(within: Any) -> tuple[float | None, float, str]:

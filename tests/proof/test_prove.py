@@ -181,6 +181,25 @@ def test_a_shape_that_solves_an_equation_is_proved_by_its_constant_which_is_name
     assert rm.prove(SCENE, size=(4, 4)).assumed == ()
 
 
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+def test_the_part_of_a_pixel_that_is_covered_lies_between_its_bounds(projection: Any) -> None:
+    width, height, samples = 24, 14, 8
+    camera = rm.Camera((1.5, 2.5, 6.5), (0, 0, 0), projection=projection)
+    scene = rm.Scene(BOX | RING, camera=camera)
+    fine = rm.truth(scene, (width * samples, height * samples), outputs=("depth",)).depth
+    part = np.isfinite(fine).reshape(height, samples, width, samples).mean(axis=(1, 3))
+    coarse = fine[samples // 2 :: samples, samples // 2 :: samples]
+    found = rm.prove(scene, with_depth(coarse), pixels="whole")
+    assert found.coverage is not None
+    low, high = found.coverage
+    assert np.all((low <= part) & (part <= high)) and np.any(low == 1.0) and np.any(high == 0.0)
+    edge = (part > 0.0) & (part < 1.0)
+    assert np.mean((high - low)[edge]) < 0.6 and np.mean((high - low)[~edge]) < 0.02
+    assert "pixels are covered" in str(found)
+    with pytest.raises(SceneError, match="pixels"):
+        rm.prove(scene, pixels="half")  # type: ignore[arg-type]
+
+
 def test_100_000_objects_ask_those_on_a_ray_alone() -> None:
     """With hits in closed form."""
     places = np.random.default_rng(1).uniform(-100, 100, (100_000, 3)).astype(np.float32).astype(np.float64)
