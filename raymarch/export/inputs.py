@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import Location, PlanError
+from raymarch.expr.atlas import Atlas
 from raymarch.expr.glsl import TIME
 from raymarch.expr.node import Expr
 from raymarch.expr.pieces import literal
@@ -230,7 +231,8 @@ def _place_of(scene: Scene, data: Any) -> Location | None:
     """The user's line of the part that reads a texture."""
 
     def reads(expressions: list[Expr]) -> bool:
-        return any(node.data == data for node in find(expressions, "texture", "sample", "sample_slope"))
+        read = data.pictures if isinstance(data, Atlas) else (data,)
+        return any(node.data in read for node in find(expressions, "texture", "sample", "sample_slope"))
 
     for material in scene.materials:
         if reads(list(material.expressions)):

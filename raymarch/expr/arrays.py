@@ -169,6 +169,7 @@ RULES: Mapping[str, Rule] = {
     "sample": samples.evaluate,
     "sample_slope": samples.evaluate_slope,
     "texture": textures.evaluate,
+    "texture_in_atlas": textures.evaluate_in_atlas,
     "fetch": tables.evaluate,
     "hash": hashing.evaluate,
     "record": lambda _node, *values: values,

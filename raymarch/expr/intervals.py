@@ -260,6 +260,7 @@ RULES: Mapping[str, Rule] = {
     "transpose": lambda _node, m: (np.swapaxes(m[0], -1, -2), np.swapaxes(m[1], -1, -2)),
     "sample": samples.interval,
     "texture": textures.interval,
+    "texture_in_atlas": textures.interval,
     "fetch": tables.interval,
     "probe": lambda _node, value, *_: value,
     "within": lambda _node, value: value,

@@ -76,6 +76,7 @@ PARTIALS: Mapping[str, Partials] = {
     "neg": (lambda e: -ONE,),
     "abs": (lambda e: v.sign(e.args[0]),),
     "fract": (lambda e: ONE,),
+    "texture_in_atlas": (None,) * 6,
     "texture": (None, None, None, None),  # height maps are read as gradients, see `raymarch.scene.relief`
     "sqrt": (lambda e: 0.5 * safe_inverse(e),),
     "exp": (lambda e: e,),

@@ -298,6 +298,16 @@ def _texture(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> P
     return Piece(f"{call.text}.{'xyz'[: node.data.channels]}", POSTFIX, call.depth)
 
 
+def _texture_in_atlas(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
+    """The same of a chosen picture of an atlas."""
+    printer.helpers["filtered_in_atlas", ""] = atlas_helper()
+    printer.text.samples[node.data.name] = node.data
+    place, kind, *rest = pieces
+    whole = [call_text("ivec4", [place], node.args[:1]), call_text("ivec2", [kind], node.args[1:2])]
+    call = call_text("filtered_in_atlas", [Piece(node.data.name, ATOM, 0), *whole, *rest], [node, *node.args])
+    return Piece(f"{call.text}.{'xyz'[: node.data.channels]}", POSTFIX, call.depth)
+
+
 def _fetch(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
     """A texel of a table."""
     constant = node.data.name in printer.text.constants
@@ -387,6 +397,7 @@ TEMPLATES: Mapping[str, Template] = {
     "sample": _sample("value"),
     "sample_slope": _sample("slope"),
     "texture": _texture,
+    "texture_in_atlas": _texture_in_atlas,
     "hash": _hash,
     "fetch": _fetch,
     "raw": _raw,

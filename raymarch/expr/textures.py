@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
-from raymarch.expr.atlas import HELPER
+from raymarch.expr.atlas import HELPER, Atlas
 from raymarch.expr.node import Expr, Operand, expr, make
 from raymarch.expr.texels import Texels
-from raymarch.expr.types import FLOAT, VEC2
+from raymarch.expr.types import FLOAT, VEC2, VEC4, vector
 
 Array = NDArray[Any]
 
@@ -45,7 +45,39 @@ def texture(data: Texels, at: Operand, duvdx: Operand, duvdy: Operand, weight: O
     return make("texture", data.type, args, data)
 
 
+def texture_in_atlas(
+    atlas: Atlas, place: Operand, kind: Operand, at: Operand, duvdx: Operand, duvdy: Operand, weight: Operand
+) -> Expr:
+    """`texture` of a chosen picture of an atlas.
+
+    place : vec4, the corner and the size of the picture in texels. kind : vec2, its wrap and its last level.
+    """
+    args = tuple(map(expr, (place, kind, at, duvdx, duvdy, weight)))
+    if [a.type for a in args] != [VEC4, VEC2, VEC2, VEC2, VEC2, FLOAT]:
+        what = f"texture in an atlas of {', '.join(a.type.name for a in args)}"
+        raise SceneError(what, legal="a vec4, four vec2 and a float")
+    return make("texture_in_atlas", vector(atlas.channels), args, atlas)
+
+
 # Readings
+
+
+def evaluate_in_atlas(node: Expr, place: Array, _kind: Array, *args: Array) -> Array:
+    """NumPy row of "texture_in_atlas": each picture where it is chosen. A place outside the list gives 0."""
+    atlas: Atlas = node.data
+    tails = ((4,), (2,), (2,), (2,), ())
+    lead = np.broadcast_shapes(
+        *(np.shape(v)[: np.ndim(v) - len(t)] for v, t in zip((place, *args), tails, strict=True))
+    )
+    corners, *given = (
+        np.broadcast_to(v, (*lead, *t)).reshape(-1, *t) for v, t in zip((place, *args), tails, strict=True)
+    )
+    total = np.zeros((len(corners), *node.type.shape), given[0].dtype)
+    for picture, corner in zip(atlas.pictures, atlas.places, strict=True):
+        here = (corners[:, :2] == corner).all(axis=1)
+        if here.any():
+            total[here] = evaluate(make("texture", node.type, node.args[2:], picture), *(v[here] for v in given))
+    return total.reshape((*lead, *node.type.shape))
 
 
 def evaluate(node: Expr, at: Array, duvdx: Array, duvdy: Array, weight: Array) -> Array:

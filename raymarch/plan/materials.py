@@ -15,6 +15,7 @@ from raymarch.expr.derivative import opened, raw_gradient, saving, share_values
 from raymarch.expr.function import Function
 from raymarch.expr.node import Expr, const, construct, make, swizzle, var
 from raymarch.expr.operations import operations_of
+from raymarch.expr.reads import merge_reads
 from raymarch.expr.tables import Table, fetch
 from raymarch.expr.types import FLOAT, VEC3, struct
 from raymarch.expr.vocabulary import abs, get, normalize, parts_of, record, where
@@ -183,7 +184,8 @@ class _Parts:
             return many[label](point, at, *(local.get(v, v) for v in many[label].params[2:]))
 
         def shared(roots: Sequence[Expr]) -> list[Expr]:
-            return share_values(merge_calls(roots, lambda f: operations_of(f) if f in made.values() else 0))
+            roots = merge_calls(roots, lambda f: operations_of(f) if f in made.values() else 0)
+            return share_values(merge_reads(roots))
 
         (body,) = shared([self._body(self.marked, wanted, of_group, of_many)])
         return Function(name, (*self.marked.params, *extra), body)
@@ -251,7 +253,7 @@ class _Parts:
             found = rewrite([slope, material], with_distance)
             roots = [found[slope], found[material]]
             roots = merge_calls(roots, lambda f: operations_of(f) if f in made.values() else saving(f))
-            slope, material = share_values(roots)
+            slope, material = share_values(merge_reads(roots))
             if depth is not None:
                 below = p - depth * normalize(slope)
                 (material,) = substitute([material], {var("inner", VEC3): below})
@@ -355,6 +357,7 @@ class _BoundedMaterials(_Evaluated):
         found = values[-1]
         for i, value in reversed(list(enumerate(values[:-1]))):
             found = where(nearest < i + 0.5, value, found)
+        (found,) = merge_reads([found])
         return distance, slope, found
 
     def _value(self, marked: Function, at: Expr) -> Expr:

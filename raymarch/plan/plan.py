@@ -234,7 +234,11 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
         roots = [root for function in functions if function is not None for root in function.inner]
         if any(p.shades for p in self.passes):
             roots.append(self.scene.sky.radiance)
-        return list(dict.fromkeys(node.data for node in find(roots, "texture", "sample", "sample_slope", "fetch")))
+        return list(
+            dict.fromkeys(
+                node.data for node in find(roots, "texture", "texture_in_atlas", "sample", "sample_slope", "fetch")
+            )
+        )
 
     @cached_property
     def features(self) -> list[Feature]:

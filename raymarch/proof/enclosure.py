@@ -796,6 +796,7 @@ RULES: Mapping[str, Rule] = {
     "fetch": _fetch,
     "sample": _sample,
     "texture": _texture,
+    "texture_in_atlas": _texture,
     "probe": lambda _node, value, *_: value,
     "within": lambda _node, value: value,
     "stop_gradient": lambda _node, value: value,

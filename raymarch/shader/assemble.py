@@ -14,7 +14,7 @@ from types import MappingProxyType
 
 from raymarch import glsl
 from raymarch.errors import Location, PlanError, is_users
-from raymarch.expr.atlas import EDGE, Place, packed
+from raymarch.expr.atlas import EDGE, Atlas, Place, packed
 from raymarch.expr.faults import COLOR
 from raymarch.expr.faults import code as fault_code
 from raymarch.expr.function import Function
@@ -164,7 +164,8 @@ def assemble(
     body = [line for chunk in linked.chunks for line in (*chunk.lines, Mapped("", chunk.name))]
     too_many = _samplers(body) + max(_samplers(chunk.lines) for chunk in mains) - TEXTURE_UNITS
     if too_many > 0:
-        found = {} if places else packed((d for d in text.samples.values() if isinstance(d, Texels)), too_many)
+        pictures = [d for d in text.samples.values() if isinstance(d, Texels) and not isinstance(d, Atlas)]
+        found = {} if places else packed(pictures, too_many)
         if not found:
             raise _too_many_textures(plan, too_many + TEXTURE_UNITS)
         return assemble(plan, inputs, constants, found, part)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 import raymarch.expr.vocabulary as v
 from raymarch.expr import Expr, Function, expr, function, loop, trace
+from raymarch.expr.atlas import Atlas
 from raymarch.expr.faults import Passage
 from raymarch.expr.hashing import hash
 from raymarch.expr.limits import Limit
@@ -28,7 +29,7 @@ from raymarch.expr.raw import slope as raw_slope
 from raymarch.expr.samples import Samples, sample_slope
 from raymarch.expr.samples import sample as interpolated
 from raymarch.expr.texels import Texels
-from raymarch.expr.textures import texture
+from raymarch.expr.textures import texture, texture_in_atlas
 from raymarch.expr.types import FLOAT, VEC2, VEC3, Type, vector
 
 Plain: TypeAlias = Any
@@ -512,6 +513,7 @@ for _n in (2, 3):
 # Pictures
 
 PICTURE = Texels([[0.0, 1.0, 0.5], [0.75, -1.0, 0.25]], "clamp")
+ATLAS = Atlas([Texels(np.ones((4, 4))), PICTURE], [(0, 0), (6, 1)])
 
 
 def p_pictured(at: Plain) -> float:
@@ -535,6 +537,15 @@ sample(
     gpu=1024,  # texture units round their weights to 8 bits
     a=of(2, Pool(-0.5, 1.5, (0.0, 1.0, 0.5, 0.25, 0.75))),
     fixed=("a",),  # it has no derivative: heights are read as slopes
+)
+
+sample(
+    "pictured_in_atlas",
+    lambda a: texture_in_atlas(ATLAS, (*ATLAS.places[1], 3.0, 2.0), (0.0, 1.0), a, (1e-3, 0.0), (0.0, 1e-3), 1.0),
+    p_pictured,
+    absolute=32,
+    a=of(2, Pool(-0.5, 1.5, (0.0, 1.0, 0.5, 0.25, 0.75))),
+    fixed=("a",),
 )
 
 # Functions

@@ -88,6 +88,31 @@ def test_more_pictures_than_texture_units_share_an_atlas() -> None:
     assert len(atlas.places) == 4, "as few as suffice, the smallest first"
 
 
+def textured_grid(count: int) -> rm.Scene:
+    """Boxes side by side, each with a picture of its own."""
+    rng = np.random.default_rng(0)
+    maps = [rm.planar(rng.uniform(0.1, 0.9, (4 + k % 3, 8, 3)), 0.5) for k in range(count)]
+    boxes = [rm.box(0.8).translate((k % 8, k // 8, 0)).material(rm.Material(m)) for k, m in enumerate(maps)]
+    return rm.Scene(rm.union(*boxes), camera=rm.Camera((3.5, 2, 9), (3.5, 1.5, 0)))
+
+
+@pytest.mark.parametrize("count", [24, 64, 128])
+def test_one_look_up_of_the_chosen_picture_is_compiled(count: int) -> None:
+    """Drivers inline each look-up: of 31 pictures with one each, llvmpipe took a minute to compile."""
+    shader = assemble(plan(textured_grid(count), ("color",)))
+    calls = [line for line in shader.text().splitlines() if "filtered" in line and not line.startswith("vec4 filtered")]
+    assert sum(line.count("filtered") for line in calls) == 1
+    assert len(shader.samples) == 1
+
+
+def test_the_chosen_picture_is_that_of_the_truth(renderer: Renderer) -> None:
+    made = textured_grid(24)
+    renderer.resize(SIZE)
+    known = truth(made, SIZE)
+    off = np.abs(renderer.render(made).color - known.color).max(axis=-1)[known.hit & ~silhouettes(known)]
+    assert off.size > 500 and np.percentile(off, 99) < 1e-4
+
+
 def test_a_checkered_floor_is_that_of_the_truth_up_to_its_horizon(renderer: Renderer) -> None:
     checks = np.kron(np.array([[0.1, 0.9], [0.9, 0.1]]), np.ones((32, 32)))
     floor = rm.plane().material(rm.Material(rm.planar(checks, 0.5, "y"), specular=0.0))
