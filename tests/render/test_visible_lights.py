@@ -173,7 +173,7 @@ def test_a_wide_sun_shines_from_the_cone_of_its_tangent(renderer: rm.Renderer, x
     seen = scene(sun, towards((x + 2, 0.4, 0), (x, 0, 0), 0.1), node, quality=rm.Quality(light_samples=64))
     assert renderer.render(seen).color.mean() == pytest.approx(wanted, abs=0.008)
     assert rm.truth(seen, (1, 1)).color.mean() == pytest.approx(wanted, abs=0.03)
-    if x > 0:  # a two-sided penumbra sees through what is thinner than its disc
+    if x > 0:  # beside the light, where a two-sided penumbra is exact enough
         near = renderer.render(seen.replace(lights=[sun.replace(penumbra="two-sided")])).color.mean()
         assert near == pytest.approx(wanted, abs=0.012)
 
