@@ -259,8 +259,9 @@ def _checked(name: str, value: Any, most: int) -> int:
         number = operator.index(plain(value))  # refuses 640.0 and "640", takes numpy's integers
     except TypeError:
         number = 0
-    if isinstance(value, bool) or not 1 <= number <= most:
-        raise DeviceError(
-            f"{name}={short(value)}", legal=f"legal: an integer from 1 to {most}, the limit of this driver"
-        )
+    legal = f"an integer from 1 to {most}, the limit of this driver"
+    if isinstance(value, bool) or number < 1:
+        raise SceneError(f"{name} = {short(value)}", legal=legal)
+    if number > most:
+        raise DeviceError(f"{name} = {number}", legal=legal)
     return number

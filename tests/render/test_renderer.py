@@ -273,11 +273,12 @@ BAD_SIZES = [(0, 24), (24, 0), (-1, 5), (10**6, 8), (8, 10**6), (1.5, 2), ("8", 
 @pytest.mark.parametrize("size", BAD_SIZES, ids=repr)
 def test_a_size_that_cannot_be_drawn_is_refused(size: Any, counted: tuple[Counted, Renderer]) -> None:
     _counts, renderer = counted
-    with pytest.raises(DeviceError, match=r"legal: (an integer from 1 to \d+|\(width, height\))"):
+    fault = DeviceError if isinstance(size, tuple) and 10**6 in size else SceneError
+    with pytest.raises(fault, match=r"an integer from 1 to \d+|\(width, height\)"):
         Renderer(size, "egl")
-    with pytest.raises(DeviceError, match="legal: "):
+    with pytest.raises(fault):
         renderer.resize(size)
-    with pytest.raises(DeviceError, match="legal: ") as caught:
+    with pytest.raises(fault) as caught:
         rm.render(scene(), size=size, backend="egl")
     assert caught.value.where is not None and caught.value.where.file == __file__
     assert renderer.size == (32, 24) and renderer.render(scene()).color.shape == (24, 32, 3)
@@ -290,7 +291,7 @@ def test_the_longest_row_is_drawn(counted: tuple[Counted, Renderer]) -> None:
         renderer.resize(size)
         frame = renderer.render(scene(lights=[]))
         assert frame.color.shape == (size[1], size[0], 3) and np.isfinite(frame.color).all()
-    with pytest.raises(DeviceError, match=f"width={width + 1}.*from 1 to {width}"):
+    with pytest.raises(DeviceError, match=f"width = {width + 1}.*from 1 to {width}"):
         renderer.resize((width + 1, 1))
 
 
