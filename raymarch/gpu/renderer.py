@@ -284,7 +284,7 @@ class Renderer:
         found.append(vouch.not_finite(lost, pixels))
         found += vouch.moved_otherwise(scene, values)
         found += [vouch.noisy(scene), vouch.inside(ready, values, pose), *unused(scene)]
-        found.append(vouch.coarse(ready, pose, frame.size[1]))
+        found += [vouch.coarse(ready, pose, frame.size[1]), vouch.too_thin(ready, pose)]
         white = vouch.overexposed(frame.color, scene) if above > vouch.OVEREXPOSED * pixels else None
         if white is not None:
             found.append(vouch.clipped(white, frame.color, frame.material, scene))

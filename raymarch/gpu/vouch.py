@@ -138,17 +138,32 @@ def inside(ready: Prepared, values: Values, pose: Pose) -> Doubt | None:
 
 def coarse(ready: Prepared, pose: Pose, height: int) -> Doubt | None:
     """The doubt of a camera so far from all bounded parts that float32 rounds points by half a pixel or more there."""
-    subject = ready.plan.scene.subject
-    if subject is None:
-        return None
-    position = pose.position - ready.plan.origin
-    away = float(np.linalg.norm(np.maximum(np.maximum(subject.lower - position, position - subject.upper), 0.0)))
-    rounding = 2.0 * ULP * (float(np.max(np.abs(position))) + away)
+    away, rounding = _rounding(ready, pose)
     pixels = rounding / float(pose.footprint(away, height)) if away > 0.0 else 0.0
     if pixels < 0.5:
         return None
     what = f"the camera is {away:.3g} from what it shows, where float32 holds points within {pixels:.2g} pixels"
     return Doubt("values", what, "a nearer camera, as projection='orthographic'")
+
+
+def _rounding(ready: Prepared, pose: Pose) -> tuple[float, float]:
+    """The distance of the camera from the box of all bounded parts, and by how much float32 rounds points there."""
+    subject = ready.plan.scene.subject
+    if subject is None:
+        return 0.0, 0.0
+    position = pose.position - ready.plan.origin
+    away = float(np.linalg.norm(np.maximum(np.maximum(subject.lower - position, position - subject.upper), 0.0)))
+    return away, 2.0 * ULP * (float(np.max(np.abs(position))) + away)
+
+
+def too_thin(ready: Prepared, pose: Pose) -> Doubt | None:
+    """The doubt of a solid that an uneven scale makes thinner than float32 rounds the points of a ray."""
+    found, (_, rounding) = levels.thinnest(ready.plan.scene.node), _rounding(ready, pose)
+    if found is None or found[1] >= rounding:
+        return None
+    node, thickness = found
+    what = f"{node.name} is {thickness:.2g} thick, and float32 holds points within {rounding:.2g}: parts may be missing"
+    return Doubt("values", what, f"a solid at least {rounding:.2g} thick, or a nearer camera", where=node.where)
 
 
 def overexposed(color: NDArray[Any], scene: Scene) -> NDArray[np.bool_] | None:

@@ -73,6 +73,7 @@ class Definition:
     check: Rule | Fits | None
     associative: bool
     cuts: bool
+    touches: bool
     placing: Placing | Rule
     shift: Rule | None
     domains: Mapping[str, Domain]
@@ -275,7 +276,15 @@ def _define(
     source: Callable[..., Any], arity: str, dimension: Dimension, child_dimension: Dimension, declared: dict[str, Any]
 ) -> Definition:
     """The definition; one of any dimension gets a flat twin, whose vectors have two components."""
-    absent = {"check": None, "associative": False, "cuts": False, "placing": "", "motion": None, "shift": None}
+    absent = {
+        "check": None,
+        "associative": False,
+        "cuts": False,
+        "touches": False,
+        "placing": "",
+        "motion": None,
+        "shift": None,
+    }
     declared = {**absent, **declared}
     if declared["placing"] in ("rigid", "scale"):
         declared["spread"] = declared["spread"] or (lambda child, **params: math.sqrt(3.0) * child.spread)
@@ -464,6 +473,7 @@ def combination(
     radii: Rule | None = None,
     associative: bool = False,
     cuts: bool = False,
+    touches: bool = False,
     placing: Placing = "",
     dimension: Dimension = 3,
     child_dimension: Literal[2, 3] | None = None,
@@ -471,8 +481,9 @@ def combination(
 ) -> Callable[[Callable[Concatenate[Any, Any, P], Any]], Callable[Concatenate[Sequence[Node], P], Node]]:
     """Decorator: a function of a point, a list of children and parameters becomes an operator on many nodes.
 
-    The parameters are those of `operator`, and two more. `associative`: nested nodes of this kind are merged into one.
-    `cuts`: a child without its own material takes the material of the child that it cuts.
+    The parameters are those of `operator`, and three more. `associative`: nested nodes of this kind are merged into
+    one. `cuts`: a child without its own material takes the material of the child that it cuts. `touches`: the value may
+    be 0 where there is no surface, as where faces coincide. A hit then needs a sample inside. What cuts touches too.
     """
     return _decorator("many", **locals())
 

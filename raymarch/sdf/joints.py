@@ -64,7 +64,7 @@ def tongued(p: Expr, children: Sequence[Child], height: Positive, width: Positiv
     return min(a, max(a - height, abs(b) - 0.5 * width))
 
 
-@combination(bounds=hull, spread=widest, called="xor")
+@combination(bounds=hull, spread=widest, touches=True, called="xor")
 def exclusive(p: Expr, children: Sequence[Child]) -> Expr:
     """Exclusive or: the points of one of two solids but not of both."""
     a, b = children[0](p), children[1](p)

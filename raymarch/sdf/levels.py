@@ -160,13 +160,44 @@ def of_first_order(undivided: Function, least: float, name: str) -> Function:
     return Function(name, (p,), both.w / clamp(slope, least, 1e9), where=undivided.where)
 
 
+FLAT = 16.0
+"""Ratio of a distance to the field, after an uneven scale, above which a hit needs a sample inside the solid."""
+
+
 def may_touch(root: Node) -> bool:
-    """True if the field may fall to 0 where there is no surface, because a node of a tree cuts: a face of the solid
-    may be flush with one of the solid that cuts it. False if some shape has no inside, as a `disc` of thickness 0: it
-    is drawn where the field is 0."""
+    """True if the field may fall to 0, or to the rounding of float32, where there is no surface.
+
+    A node of a tree cuts, or an exclusive or does: a face of the solid may be flush with one of the solid that cuts it.
+    Or an uneven scale makes the field so flat that it is small far from the surface. False if some shape has no inside,
+    as a `disc` of thickness 0: it is drawn where the field is 0.
+    """
     nodes = all_nodes(root)
     shapes = [node.facts for node in nodes if not node.children and not node.facts.empty]
-    return any(n.definition.cuts for n in nodes) and not any(np.any(f.lower >= f.upper) for f in shapes)
+    touching = any(n.definition.cuts or n.definition.touches for n in nodes)
+    flat = any(n.placed_as == "stretch" and n.facts.spread > FLAT for n in nodes)
+    return (touching or flat) and not any(np.any(f.lower >= f.upper) for f in shapes)
+
+
+def thinnest(root: Node) -> tuple[Node, float] | None:
+    """The node of an uneven scale above `FLAT` whose box is the thinnest, and how thick that is; None without one."""
+    found: list[tuple[float, int, Node]] = []
+    visited: set[int] = set()
+    pending = [(root, 1.0)]
+    while pending:
+        node, factor = pending.pop()
+        if id(node) in visited:
+            continue
+        visited.add(id(node))
+        if node.placed_as == "stretch" and node.facts.spread > FLAT and not node.facts.empty:
+            found.append((factor * float(np.min(node.facts.upper - node.facts.lower)), len(found), node))
+            continue
+        scaled = node.params.get("factor", node.params.get("stretch")) if node.placed_as == "scale" else None
+        factor *= 1.0 if scaled is None else float(interval_of(scaled)[1])
+        pending += [(child, factor) for child in node.children]
+    if not found:
+        return None
+    thickness, _, node = min(found)
+    return node, thickness
 
 
 def has_levels(root: Node) -> bool:

@@ -509,7 +509,7 @@ def flat_bounds(world: World) -> Iterator[Figure]:
     view = view_of((1.5, 1.2, 3), (0, 0, 0))
     sun = np.array((1.0, 2.0, 1.5)) / np.linalg.norm((1.0, 2.0, 1.5))
     lost = wrong = dark = 0
-    for thickness in (0.1, 0.01, 0.001):
+    for thickness in (0.1, 0.01, 0.001, 1e-4, 1e-6):
         disc = rm.sphere().scale((1, thickness, 1))
 
         def meets(origins: Any, directions: Any, grown: float, thickness: float = thickness) -> NDArray[np.bool_]:

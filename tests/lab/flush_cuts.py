@@ -77,6 +77,8 @@ CASES: dict[str, tuple[rm.Node, rm.Node, dict[str, object]]] = {
     "dome": (dome(10), dome(12), {}),
     "pond": (pond(6), pond(8), {}),
     "itself": (rm.sphere(20) - rm.sphere(20) | FLOOR, FLOOR, {}),
+    "xor": (rm.box(PLATE) ^ rm.cylinder(8, 10), drilled(12), {}),
+    "xor of itself": ((rm.sphere(20) ^ rm.sphere(20)) | FLOOR, FLOOR, {"lights": []}),
     "touching": (rm.box(20) & rm.box(20).translate((20, 0, 0)) | FLOOR, FLOOR, {}),
     "smooth": (
         rm.difference(rm.box(PLATE), rm.cylinder(8, 10), k=0.5),

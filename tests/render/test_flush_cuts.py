@@ -9,7 +9,7 @@ import raymarch as rm
 from raymarch.plan import plan
 from tests.lab.flush_cuts import CASES, PIXEL, camera, differences, random_case, shells
 
-SHORT = ("plate .001", "each far", "shadow", "mirror")
+SHORT = ("plate .001", "each far", "shadow", "mirror", "xor", "xor of itself")
 ALLOWED = 2
 """Pixels whose ray passes an edge within the error of a hit."""
 

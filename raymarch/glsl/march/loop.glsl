@@ -41,6 +41,8 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
         if (!aiming && further == 0.0) leap = 0.0;
 #ifdef CUTS
         float noise = rounding(ray, at.t);
+        search = max(search, 2.0 * GROWTH * at.t);  // a flat field may be smaller than the ulp of t
+        leap = max(leap, 4.0 * GROWTH * at.t);
         float depth = max(0.7 * touch + noise, 0.0);
         bool doubtful = in_doubt(at);
         bool first = abs(at.r) <= noise;  // the ray starts on a face of the scene's box

@@ -10,7 +10,8 @@ float rounding(Ray ray, float t) {
     return -1.0e30;  // a cone stops before the surface, so it is never in doubt
 #endif
     vec3 size = abs(ray.origin);
-    return 2.0 * GROWTH * (max(size.x, max(size.y, size.z)) + t);  // 2 ulp of the largest coordinate
+    float ulps = 2.0 * GROWTH * (max(size.x, max(size.y, size.z)) + t);  // of the largest coordinate
+    return min(16.0 * contact_share, 1.0) * ulps;
 }
 
 bool in_doubt(March at) {
