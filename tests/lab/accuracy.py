@@ -69,7 +69,9 @@ def _head(made: Suite) -> str:
         "claims of a paper hold here.\n\n"
         "`python -m tests.lab.accuracy` writes this page. It repeats the comparison of Bálint and Valasek, "
         '"Accelerating Sphere Tracing" (2018), over scenes like the three of the paper, and adds later tracers. '
-        "[cost.md](cost.md) describes how errors and times are measured.\n\n"
+        "[cost.md](cost.md) describes how errors and times are measured. "
+        "Tracers here know values of the field alone; [steps by the advance](marching.md#steps-by-the-advance) also "
+        "know how it changes along the ray, and go below N\\*.\n\n"
         f"Measured on {env['date'][:10]}: {env['driver']['renderer']}, {env['driver']['version']}, by the {clock}; "
         f"{env['machine']['cores']} cores; {scale.size[0]}x{scale.size[1]} pixels, {scale.repeats} frames of each "
         f"setting in random order (seed {made.seed}); raymarch {env['versions']['raymarch']}. Times hold for this "
