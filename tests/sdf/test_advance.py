@@ -44,25 +44,25 @@ def test_fields_that_count_as_convex_lie_above_their_tangents(sample: NodeSample
     assert np.all(there - here - slopes * steps[:, 0] > -1e-8 * size)
 
 
-@pytest.mark.parametrize("level", [(0.0, 0.0), (0.02, 0.1)], ids=["ray", "cone"])
 @pytest.mark.parametrize("sample", SOLID, ids=lambda sample: sample.id)
-def test_no_surface_lies_in_the_advance(sample: NodeSample, level: tuple[float, float]) -> None:
+def test_no_surface_lies_in_the_advance(sample: NodeSample) -> None:
     node = sample.build()
     if not readable(node):
         return
     made = Advancing(Lowering()).function(node)
     points, directions, size = lines_through(node, 400, 3)
-    start, growth = level
+    cone = np.arange(len(points)) % 2.0  # rays and cones in turns
+    start, growth = 0.02 * cone, 0.1 * cone
     stretches = size * 10.0 ** np.random.default_rng(4).uniform(-2.0, 0.5, len(points))
-    numbers = (*(np.full(len(points), x) for x in level), stretches)
+    numbers = start, growth, stretches
     (found,) = evaluator([made.body], [*made.params, STRETCH])(points, directions, *numbers)
     value, advance = found[:, 0], np.minimum(found[:, 1], 8.0 * size)
     plain = node.distance(points)
     np.testing.assert_allclose(value, plain, rtol=1e-12, atol=1e-12 * size)
-    share = np.concatenate([np.linspace(0.0, 0.999999, 50), 1.0 - np.geomspace(1e-6, 1e-2, 10)])
+    share = np.concatenate([np.linspace(0.0, 0.999999, 30), 1.0 - np.geomspace(1e-6, 1e-2, 6)])
     s = share * advance[:, None]
     passed = node.distance((points[:, None] + s[..., None] * directions[:, None]).reshape(-1, 3)).reshape(s.shape)
-    assert np.all((passed - start - growth * s > -1e-9 * size) | (advance[:, None] < 1e-9 * size))
+    assert np.all((passed - start[:, None] - growth[:, None] * s > -1e-9 * size) | (advance[:, None] < 1e-9 * size))
     assert np.all((advance >= 0.0) & (advance > 0.999 * (plain - start) / (1.0 + growth) * node.lipschitz - 1e-9))
 
 
