@@ -84,7 +84,7 @@ def rays(name: str) -> tuple[Any, ...]:
     return points, directions, size * 10.0 ** random.uniform(-3, 0, RAYS)
 
 
-@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("form", [pytest.param(f, marks=pytest.mark.long) if f == "curve" else f for f in FORMS])
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_it_encloses_the_function(name: str, form: str) -> None:
     definition, (points, directions, w) = traced(name), rays(name)

@@ -17,7 +17,7 @@ WHISKERS = {"roman": 4}
 """The Roman surface touches 0 along lines outside of it: rays within rounding errors of them may hit them."""
 
 
-QUICK = ("klein", "one_sheet", "kummer", "heart", "lidinoid")
+QUICK = ("klein", "heart")
 
 
 @pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.long) for n in SURFACES])

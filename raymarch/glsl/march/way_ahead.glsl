@@ -16,9 +16,13 @@ float free_way(vec2 found, float level, float side) {
 
 // From where the field falls to its rounding error to the surface; at most a quarter of the width of a hit.
 float way_below_level(Ray ray, float t, float width) {
+#ifdef STRETCH
+    return 0.0;  // a solid with bounds on a stretch ends its rays at the surface itself
+#else
     vec3 size = abs(ray.origin);
     float level = 2.0 * GROWTH * (max(size.x, max(size.y, size.z)) + t);
     return min(level / max(approach, 1.0e-6), 0.25 * width);
+#endif
 }
 
 #ifdef ANALYTIC
