@@ -33,7 +33,11 @@ Method: TypeAlias = Callable[["Expr", "Operand"], "Expr"]
 
 def _operators(compute: Callable[[Operand, Operand], Expr]) -> tuple[Method, Method]:
     """The methods of an operator, with the expression on the left and on the right."""
-    return lambda self, other: compute(self, other), lambda self, other: compute(other, self)
+
+    def left(self: Expr, other: Operand) -> Expr:  # a class with operators of its own says so, as textures do
+        return NotImplemented if getattr(other, "OPERAND", False) else compute(self, other)
+
+    return left, lambda self, other: compute(other, self)
 
 
 def _function(op: str) -> Callable[[Expr], Expr]:

@@ -20,10 +20,11 @@ from raymarch.expr.node import Expr, Operand, expr
 from raymarch.expr.types import vector
 from raymarch.expr.vocabulary import clamp, vec3
 from raymarch.expr.walk import find, free_variables
+from raymarch.scene.map_arithmetic import MapExpression
 from raymarch.scene.parameter import as_color, as_number
 from raymarch.scene.texture import Texture, share_projection
 from raymarch.sdf.domain import ColorLike, Scalar, as_operand
-from raymarch.sdf.lower import POSITION, depends_on_interaction
+from raymarch.sdf.lower import DPDN, DPDX, DPDY, NORMAL, POSITION, depends_on_interaction
 
 FloatOrTexture: TypeAlias = Scalar | Texture | Callable[[Expr], Operand]
 """A number, a texture, or a function of the point."""
@@ -54,6 +55,12 @@ def material_value(name: str, value: Any, size: int, low: float, high: float) ->
         raise SceneError(
             f"{what}: {given} has no projection", legal="planar(picture, size) or triplanar(picture, size)"
         )
+    if isinstance(value, MapExpression):
+        try:
+            return _pattern(what, value.number if size == 1 else value.color, size, low, high)
+        except SceneError as fault:
+            said = fault.what.removeprefix(f"{what}: ").replace("the function gives", f"{value!r} gives")
+            raise SceneError(f"{what}: {said}", legal=fault.legal) from None
     check = as_number if size == 1 else as_color
     # An expression of POSITION comes from another material, by `replace`.
     if isinstance(value, Expr) and (POSITION in free_variables([value]) or depends_on_interaction([value])):
@@ -88,10 +95,15 @@ def _pattern(what: str, function: Callable[[Expr], Any], size: int, low: float, 
     if size == 3 and made.type is vector(1):
         made = vec3(made)
     if made.type is not vector(size):
+        if size == 1 and find([made], "texture"):
+            legal = "texture.number(p) in a function, or 0.5 * texture without one"
         raise SceneError(f"{what}: the function gives a {made.type}", legal=legal)
-    if not find([made], "time", "param", "cell") and not depends_on_interaction([made]):
+    if not find([made], "time", "param", "cell"):
         points = _probes()
-        values = np.broadcast_to(evaluator([made], [POSITION])(points)[0], (len(points), *made.type.shape))
+        normals = points / np.linalg.norm(points, axis=1, keepdims=True)
+        around = {NORMAL: normals, DPDN: normals, DPDX: 1e-3 * normals, DPDY: 1e-3 * normals}
+        values = evaluator([made], [POSITION, *around])(points, *around.values())[0]
+        values = np.broadcast_to(values, (len(points), *made.type.shape))
         legal_there = (values >= low) & (values <= high)  # false for NaN
         if not np.any(legal_there) or np.any(np.isnan(values)):
             raise SceneError(f"{what}: the function gives {values[~legal_there].flat[0]:.6g}", legal=legal)

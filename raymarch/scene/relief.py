@@ -17,6 +17,7 @@ from raymarch.expr.node import Expr, expr
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import abs, cross, dot, length, max, normalize, vec3, where
 from raymarch.expr.walk import find, free_variables
+from raymarch.scene.map_arithmetic import MapExpression
 from raymarch.scene.parameter import MOST_LENGTH, as_number
 from raymarch.scene.texture import Texture
 from raymarch.sdf.domain import as_operand
@@ -60,7 +61,7 @@ def bump_gradient(normal: Any, strength: Any, height: Any, scale: Any) -> Expr:
     if normal is not None:
         if not isinstance(normal, Texture):
             what = f"Material: normal = {described(normal)}"
-            raise SceneError(what, legal="planar(...) or triplanar(...) of a normal map")
+            raise SceneError(what, legal="planar(...) or triplanar(...) of a normal map; normal_strength scales it")
         total = total + normal_factor * normal.normal_map_gradient(POSITION)
     if height is not None:
         slope = height.height_gradient(POSITION) if isinstance(height, Texture) else gradient(height, POSITION)
@@ -70,7 +71,9 @@ def bump_gradient(normal: Any, strength: Any, height: Any, scale: Any) -> Expr:
 
 def height_field(height: Callable[[Expr], Any] | Any) -> Texture | Expr | None:
     """A height map, the heights of a function of the point as an expression, or None."""
-    legal = "a texture, or a function of a point that gives a number"
+    legal = "a texture, which height_scale scales, or a function of a point that gives a number"
+    if isinstance(height, MapExpression):
+        raise SceneError(f"Material: height = {height!r}", legal=legal)
     if height is None or isinstance(height, Texture):
         return height
     if isinstance(height, Expr) and POSITION in free_variables([height]):  # from another material, by `replace`

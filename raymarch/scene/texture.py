@@ -5,14 +5,13 @@ A texture is filtered at a point of the space in which the material is given, ov
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import numpy as np
 
 from raymarch.errors import SceneError
 from raymarch.expr.calls import checked
-from raymarch.expr.colors import linear_color
 from raymarch.expr.convert import choice, instance, optional, short
 from raymarch.expr.degrees import suspect_degrees
 from raymarch.expr.derivative import directional_derivatives
@@ -21,10 +20,11 @@ from raymarch.expr.node import Expr, expr
 from raymarch.expr.texels import WRAPS, Texels, Wrap
 from raymarch.expr.textures import texture
 from raymarch.expr.vocabulary import abs, cos, max, pow, sin, vec2, vec3, where
+from raymarch.scene.map_arithmetic import MapValue
 from raymarch.scene.parameter import LEAST_LENGTH, MOST_LENGTH, as_number
 from raymarch.scene.picture import Array, Picture, Stored, stored_of, values_for
 from raymarch.scene.value import Value, value
-from raymarch.sdf.domain import ColorLike, Scalar, as_operand
+from raymarch.sdf.domain import Scalar
 from raymarch.sdf.lower import DPDX, DPDY, NORMAL, POSITION
 
 FACES = {"x": ((2, -1.0), (1, 1.0)), "y": ((0, 1.0), (2, -1.0)), "z": ((0, 1.0), (1, 1.0))}
@@ -76,11 +76,13 @@ class Layout(Value):
 
 
 @value
-class Texture(Value):
+class Texture(Value, MapValue):
     """A picture with its projection, made by `planar` and `triplanar`.
 
-    It may be any value of a `Material`. In a function of the point, `texture(p)` and `texture.color(p)` give the
-    colour at p, `texture.number(p)` the stored value.
+    It may be any value of a `Material`, and so may its arithmetic with numbers, parameters, colours and other textures,
+    such as `0.2 + 0.5 * planar("rough.png")`: a number of the material takes the stored value, a colour linear RGB. In
+    a function of the point, `texture(p)` and `texture.color(p)` give the colour at p, `texture.number(p)` the stored
+    value.
 
     Parameters
     ----------
@@ -133,17 +135,6 @@ class Texture(Value):
 
     def __repr__(self) -> str:
         return f"Texture({self.file!r}, {self.size[0]} x {self.size[1]})"
-
-    def __call__(self, p: Expr) -> Expr:
-        """The colour at a point."""
-        return self.color(p)
-
-    def __mul__(self, tint: ColorLike | Scalar) -> Callable[[Expr], Expr]:
-        """The colours times a tint, as a value of a material: `planar("wood.png") * (1, 0.8, 0.6)`."""
-        factor = as_operand("texture: tint", linear_color("texture: tint", tint), "a number or a colour")
-        return lambda p: self.color(p) * factor
-
-    __rmul__ = __mul__
 
     @property
     def size(self) -> tuple[int, int]:

@@ -212,7 +212,7 @@ def test_a_texture_times_a_tint(tmp_path: Any) -> None:
         found = evaluator([made.color], [POSITION, DPDX, DPDY])(at, at, at)[0]
         np.testing.assert_allclose(found[0], np.array([1, linear(128 / 255), 0]) * tint, rtol=1e-3)
     assert pickle.loads(pickle.dumps(tinted)) == tinted
-    with pytest.raises(rm.SceneError, match="texture: tint"):
+    with pytest.raises(rm.SceneError, match="texture: arithmetic = 'nothing'"):
         picture * "nothing"
 
 

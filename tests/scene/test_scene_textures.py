@@ -126,6 +126,33 @@ def test_a_function_may_read_a_texture_where_it_wants() -> None:
     assert made.textured and at(made.color, (0.25, 0.25, 0))[0] == pytest.approx(0.1, rel=1e-3)
 
 
+NUMBERS = ["metalness", "roughness", "transmission", "clearcoat", "clearcoat_roughness", "occlusion"]
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_a_number_of_a_material_may_be_computed_from_maps(name: str) -> None:
+    grey, red = rm.planar(FOUR), rm.planar(np.stack([FOUR, 0 * FOUR, 0 * FOUR], 2), channel="r")
+    half, numbers = rm.Param("half", 0.5, 0, 1), grey.number(POSITION)
+    for given, wanted in [
+        (grey * 0.5, numbers * 0.5),
+        (np.float64(0.5) * grey, 0.5 * numbers),
+        (1 - grey / 2, 1 - numbers / 2),
+        (half * grey**2, half * numbers**2),
+        (-grey + 1.0, -1.0 * numbers + 1.0),
+        (0.5 * (grey + red), 0.5 * (numbers + red.number(POSITION))),
+    ]:
+        made = rm.Material(albedo=(1, 1, 1), **{name: given})
+        assert getattr(made, name) is rm.clamp(wanted, 0.0, 1.0)
+        assert made.replace(ior=1.3).replace(ior=1.5) == made.replace(ior=1.5)
+
+
+def test_colours_are_computed_from_maps_in_linear_rgb() -> None:
+    picture, grey = rm.planar(np.full((4, 4, 3), 0.5)), rm.planar(FOUR)
+    made = rm.Material(color=picture * grey * (1, 0.5, 0.25) + 0.1)
+    assert made.color is rm.clamp(picture(POSITION) * grey(POSITION) * rm.vec3(1, 0.5, 0.25) + 0.1, 0.0, 1.0)
+    assert rm.Material(ior=1 + grey, transmission=1).ior is rm.clamp(1 + grey.number(POSITION), 1.0, 4.0)
+
+
 def refusals() -> list[tuple[Any, list[str]]]:
     picture, big = np.full((4, 4, 3), 0.5), np.zeros((2, 4097))
     return [
@@ -145,6 +172,13 @@ def refusals() -> list[tuple[Any, list[str]]]:
         (lambda: rm.Material(roughness=rm.planar(np.eye(3)[None])), ["roughness", "3 channels", "channel="]),
         (lambda: rm.Material(roughness=rm.planar(2 * FOUR + 0.5)), ["roughness", "1.3"]),
         (lambda: rm.Material(albedo=rm.planar(2 * picture + 0.1)), ["albedo", "1.1"]),
+        (lambda: rm.Material(roughness=rm.planar(np.eye(3)[None]) * 0.5), ["roughness", "3 channels", "channel="]),
+        (lambda: rm.Material(roughness=rm.planar(FOUR) * (1, 0.5, 0)), ["roughness", "vec3", "numbers"]),
+        (lambda: rm.Material(roughness=lambda p: rm.planar(FOUR)(p) * 0.5), ["roughness", "vec3", "number(p)"]),
+        (lambda: rm.Material(ior=rm.planar(FOUR) * 0.1, transmission=1), ["ior", "* 0.1", "from 1 to 4"]),
+        (lambda: rm.Material(height=rm.planar(FOUR) * 0.1), ["height", "height_scale"]),
+        (lambda: rm.Material(normal=rm.planar(picture) * 0.1), ["normal", "normal_strength"]),
+        (lambda: rm.planar(FOUR) * rm.sphere(), ["texture: arithmetic", "sphere"]),
         (lambda: rm.Material(normal=rm.planar(FOUR)), ["normal", "channel"]),
         (lambda: rm.Material(normal=picture), ["normal"]),
         (lambda: rm.Material(height=0.5), ["height"]),

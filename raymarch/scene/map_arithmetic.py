@@ -1,0 +1,92 @@
+"""Arithmetic of textures: a value of a material that each texture enters as a number or as a colour."""
+
+from __future__ import annotations
+
+import operator
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+from raymarch.errors import SceneError
+from raymarch.expr.colors import linear_color
+from raymarch.expr.node import Expr
+from raymarch.expr.types import FLOAT
+from raymarch.sdf.domain import as_operand
+
+Operator: TypeAlias = Callable[[Any, Any], Any]
+
+SYMBOLS = {operator.add: "+", operator.sub: "-", operator.mul: "*", operator.truediv: "/", operator.pow: "**"}
+LEGAL = "a texture, a number, a parameter or a colour"
+
+
+def _both_ways(compute: Operator) -> tuple[Callable[..., MapExpression], Callable[..., MapExpression]]:
+    """The methods of an operator, with the map on the left and on the right."""
+    return lambda self, other: MapExpression(compute, self, other), lambda self, other: MapExpression(
+        compute, other, self
+    )
+
+
+class MapValue(ABC):
+    """A value that is read at a point, as a number or as a colour; arithmetic gives another one."""
+
+    OPERAND = True
+    """For expressions, which leave operators with it to this class."""
+    __slots__ = ()
+    __array_ufunc__ = None  # arrays leave operators to this class, too
+
+    @abstractmethod
+    def color(self, p: Expr) -> Expr:
+        """Linear RGB at a point, a vec3."""
+
+    @abstractmethod
+    def number(self, p: Expr) -> Expr:
+        """The value at a point, a float."""
+
+    def __call__(self, p: Expr) -> Expr:
+        """The colour at a point."""
+        return self.color(p)
+
+    __add__, __radd__ = _both_ways(operator.add)
+    __sub__, __rsub__ = _both_ways(operator.sub)
+    __mul__, __rmul__ = _both_ways(operator.mul)
+    __truediv__, __rtruediv__ = _both_ways(operator.truediv)
+    __pow__, __rpow__ = _both_ways(operator.pow)
+
+    def __neg__(self) -> MapExpression:
+        return -1.0 * self
+
+
+class MapExpression(MapValue):
+    """A value of a material that is computed from textures, such as `0.2 + 0.5 * planar("rough.png")`.
+
+    For a number of the material, each texture gives a number; for a colour, its linear RGB.
+    """
+
+    __slots__ = ("_compute", "_operands")
+
+    def __init__(self, compute: Operator, *operands: Any) -> None:
+        self._compute = compute
+        self._operands = tuple(given if isinstance(given, MapValue) else _constant(given) for given in operands)
+
+    def __repr__(self) -> str:
+        left, right = (
+            given.data.tolist() if isinstance(given, Expr) and given.is_constant else given for given in self._operands
+        )
+        return f"({left!r} {SYMBOLS[self._compute]} {right!r})"
+
+    def color(self, p: Expr) -> Expr:
+        return self._of([given.color(p) if isinstance(given, MapValue) else given for given in self._operands])
+
+    def number(self, p: Expr) -> Expr:
+        for given in self._operands:
+            if isinstance(given, Expr) and given.type is not FLOAT:
+                raise SceneError(f"a texture in arithmetic with a {given.type}", legal="numbers, for one number")
+        return self._of([given.number(p) if isinstance(given, MapValue) else given for given in self._operands])
+
+    def _of(self, values: list[Expr]) -> Expr:
+        made: Expr = self._compute(*values)
+        return made
+
+
+def _constant(given: Any) -> Expr:
+    return as_operand("texture: arithmetic", linear_color("texture: arithmetic", given), LEGAL)
