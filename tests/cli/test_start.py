@@ -61,13 +61,13 @@ def in_command(*words: str) -> tuple[str, str]:
 
 def test_the_package_imports_none_of_its_parts(tmp_path: Path) -> None:
     found = modules_after("-c", f"import raymarch\n{SHOWN}", folder=tmp_path)
-    assert parts(found) == {"raymarch.startup"}
+    assert parts(found) == {"raymarch.startup", "raymarch.conveniences"}
     assert not tops(found) & (HEAVY | {"typer", "rich"})
 
 
 def test_the_help_imports_no_command(tmp_path: Path) -> None:
     found = modules_after(*in_command("--help"), folder=tmp_path)
-    assert parts(found) == {"raymarch.startup", "raymarch.cli", "raymarch.errors"}
+    assert parts(found) == {"raymarch.startup", "raymarch.conveniences", "raymarch.cli", "raymarch.errors"}
     assert not tops(found) & HEAVY
 
 
@@ -92,11 +92,11 @@ import raymarch.scene, raymarch.gpu
 from raymarch.sdf.definition import REGISTRY
 functions = sys.modules["raymarch.expr.function"]
 assert len(REGISTRY) > 120 and len(functions._deferred) > 15
-used = {d.name for d in REGISTRY.values() if d._templates or d._facts}
+used = {d.name for d in REGISTRY.values() if d._templates or d.programs}
 assert used <= {"sphere", "translate"}, used  # the default rows of instances
 assert all(functions._deferred.values()), [name for name, left in functions._deferred.items() if not left]
 raymarch.sdf.torus()
-assert {d.name for d in REGISTRY.values() if d._facts} <= {"sphere", "translate", "torus"}
+assert {d.name for d in REGISTRY.values() if d.programs} <= {"sphere", "translate", "torus"}
 assert "bounds : (-1, -1, -1) to (1, 1, 1)" in raymarch.sdf.sphere.__doc__
 """
     modules_after("-c", code + SHOWN, folder=tmp_path)

@@ -86,13 +86,15 @@ def test_patterns_that_read_the_footprint_stay_inside_of_a_transform(renderer: r
     ]
     balls = (rm.torus(0.6, 0.2).material(checkers[0]) | rm.box((0.6, 0.4, 0.8)).material(checkers[1])).rotate(0.7, "z")
     node = balls.scale((1.4, 0.7, 1.0)).translate((0.1, 0.2, 0)) | rm.plane(offset=-0.4).material(checkers[1])
-    frames = []
+    frames, scene = [], rm.Scene(node, rm.Camera((1.8, 1.2, 2.6)), [SUN])
     for choice in ({"bounding_volumes": True}, {"objects": "data"}, {"objects": "text"}):
-        quality = rm.Quality(analytic=False, **choice)
-        frames.append(renderer.render(rm.Scene(node, rm.Camera((1.8, 1.2, 2.6)), [SUN], quality=quality)))
-    for frame in frames[:2]:
-        difference = np.abs(frame.color - frames[2].color)
-        assert np.mean(difference > 2e-4) < 1e-3 and difference.max() < 0.01
+        frames.append(renderer.render(scene.replace(quality=rm.Quality(analytic=False, **choice))).color)
+    boxes, rows, text = frames
+    assert np.mean(np.abs(boxes - text) > 2e-4) < 1e-3
+    assert max(np.abs(boxes - text).max(), np.abs(rows - text).max()) < 0.01
+    reference = rm.truth(scene, renderer.size).color
+    off = [np.mean(np.abs(color - reference) > 2e-4) for color in (rows, text)]
+    assert off[0] < 1.2 * off[1]  # rows are placed by other roundings, which are as exact
 
 
 @pytest.mark.parametrize("x", [-1.5, 1.4])

@@ -57,6 +57,7 @@ VALUES: dict[str, tuple[Callable[[], Value], dict[str, Any]]] = {
         {"max_steps": 131071, "tracer": "fast", "steps_per_pass": 8, "samples": None},
     ),
     "Texture": (lambda: rm.planar(PICTURE, 2.0, channel="g"), {"wrap": "round", "channel": "a", "picture": "none.png"}),
+    "Slice": (lambda: rm.Slice((1, 2, 3), 0.5), {"normal": (0, 0, 0), "offset": NAN}),
     "Layout": (lambda: Layout("x", (1, 2)), {"axis": "w", "extents": (0, 1), "hardness": 0}),
 }
 WRONG = [(name, field) for name, (_, wrong) in VALUES.items() for field in wrong]
