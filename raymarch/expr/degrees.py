@@ -11,8 +11,10 @@ from raymarch.expr.convert import plain
 DEGREES = frozenset({30, 45, 60, 90, 120, 135, 150, 180, 225, 270, 315, 360})
 """Usual angles in degrees. None of them is a usual angle in radians."""
 
-RADIANS = (0.5, 1.6)
-"""A field of view between so many degrees is likely an angle in radians, 29 to 92 degrees, except 1 itself."""
+WHOLE = range(15, 121)
+"""Fields of view in whole degrees; in radians they are numbers that nobody writes as degrees."""
+TENTHS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.2, 1.5)
+"""Fields of view that are written in radians, 29 to 86 degrees, and that are rarely meant as degrees."""
 
 _suspected: set[tuple[str, Location | None]] = set()
 """The parameters and lines that were warned of; a line of a loop warns once."""
@@ -44,7 +46,7 @@ def suspect_degrees(what: str, angle: Any, unit: str = "radians") -> None:
 
 
 def suspect_radians(what: str, angle: Any) -> None:
-    """A SceneWarning for a number of degrees from 0.5 to 1.6, which is likely an angle in radians."""
+    """A SceneWarning for a number of degrees that is likely an angle in radians."""
     given = _number(angle)
-    if given is not None and RADIANS[0] <= given <= RADIANS[1] and given != 1.0:
+    if given is not None and (given in TENTHS or any(abs(given - math.radians(n)) < 1e-9 for n in WHOLE)):
         _warn_once(what, f"{what} = {given:g} degrees sees almost nothing (for radians, math.degrees({given:g}))")

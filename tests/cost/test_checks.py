@@ -50,8 +50,8 @@ def test_what_is_sound_passes(scene, known, renderer):
 def test_a_tracer_that_stops_at_ten_times_epsilon(scene, known, renderer, monkeypatch, tracer, epsilon):
     right = prepare.assemble
 
-    def wrong(plan):
-        made = right(plan)
+    def wrong(plan, **given):
+        made = right(plan, **given)
         near = plan.scene.quality.near(plan.refined)
         changed = [
             type(line)(line.text.replace(f"epsilon_pixels = {near:g}", f"epsilon_pixels = {10 * near:g}"), line.made_by)
