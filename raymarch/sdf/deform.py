@@ -15,6 +15,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from raymarch.errors import SceneError
+from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.convert import choice, short
 from raymarch.expr.degrees import suspect_degrees
 from raymarch.expr.intervals import interval_of
@@ -69,6 +70,11 @@ def _check_reach(axes: str) -> Any:
     return check
 
 
+BEYOND = 1e-4
+"""By how much the region in which a solid is deformed is larger than its reach, relative to that. Beyond the region the
+gradient is the region's. A hit, which may lie a little outside the solid, has the normal of the solid."""
+
+
 def _joined(distance: Expr, value: Expr, slope: Scalar) -> Expr:
     """The distance to the reach combined with the field there, before the field is divided by `slope`."""
     return length(vec2(slope * distance, max(value, 0.0))) + min(value, 0.0)
@@ -81,8 +87,8 @@ def twist_slope(rate: Scalar, reach: Scalar) -> Expr:
 
 
 @operator(
-    bounds=lambda child, reach: around_y(reach, child.lower.y, child.upper.y),
-    lipschitz=lambda child, rate, reach: child.lipschitz * twist_slope(rate, reach),
+    bounds=lambda child, reach: around_y((1.0 + BEYOND) * reach, child.lower.y, child.upper.y),
+    lipschitz=lambda child, rate, reach: child.lipschitz * twist_slope(rate, (1.0 + BEYOND) * reach),
     spread=lambda child: max(child.spread, 1.0),
     check=_check_reach("xz"),
     placing="deform",
@@ -90,6 +96,7 @@ def twist_slope(rate: Scalar, reach: Scalar) -> Expr:
 )
 def twist_about_y(p: Expr, child: Child, rate: Number, reach: Positive) -> Expr:
     """Twist about the y axis by an angle proportional to y."""
+    reach = (1.0 + BEYOND) * expr(reach)
     radius = length(p.xz)
     held = p.xz * (reach / max(radius, reach))
     c, s = cos(rate * p.y), sin(rate * p.y)
@@ -109,8 +116,11 @@ def twist(node: Node, rate: Scalar = 1.0) -> Node:
 
 
 @operator(
-    bounds=lambda child, reach: (vec3(-reach, -reach, child.lower.z), vec3(reach, reach, child.upper.z)),
-    lipschitz=lambda child, rate, reach: child.lipschitz * (1.0 + abs(rate) * reach),
+    bounds=lambda child, reach: (
+        vec3(-(1.0 + BEYOND) * reach, -(1.0 + BEYOND) * reach, child.lower.z),
+        vec3((1.0 + BEYOND) * reach, (1.0 + BEYOND) * reach, child.upper.z),
+    ),
+    lipschitz=lambda child, rate, reach: child.lipschitz * (1.0 + abs(rate) * (1.0 + BEYOND) * reach),
     spread=lambda child: max(child.spread, 1.0),
     check=_check_reach("xy"),
     placing="deform",
@@ -118,6 +128,7 @@ def twist(node: Node, rate: Scalar = 1.0) -> Node:
 )
 def bend_about_z(p: Expr, child: Child, rate: Number, reach: Positive) -> Expr:
     """Bend about the z axis by an angle proportional to x."""
+    reach = (1.0 + BEYOND) * expr(reach)
     radius = length(p.xy)
     held = p.xy * (reach / max(radius, reach))
     c, s = cos(rate * held.x), sin(rate * held.x)
@@ -150,6 +161,17 @@ def taper_slope(rate: Scalar, reach: Scalar, low: Scalar, high: Scalar) -> Expr:
     return sqrt(0.5 * (square + sqrt(square * square - 4.0 * a * a)))
 
 
+def _beyond(rate: Scalar, reach: Scalar, low: Scalar, high: Scalar) -> tuple[Expr, Expr, Expr]:
+    """The reach and the ends of the region that a taper deforms. The narrower end keeps its width but for `BEYOND`."""
+    narrow = min(1.0 + rate * low, 1.0 + rate * high)
+    margin = BEYOND * min(expr(high) - low, narrow / max(abs(rate), SMALLEST))
+    return (1.0 + BEYOND) * expr(reach), low - margin, high + margin
+
+
+def _tapered_bounds(rate: Scalar, reach: Expr, low: Expr, high: Expr) -> tuple[Expr, Expr]:
+    return around_y(_widest(rate, low, high) * reach, low, high)
+
+
 def _check_taper(child: Facts, rate: Expr, reach: Expr, low: Expr, high: Expr) -> None:
     _check_reach("xz")(child, reach=reach)
     if not (float(interval_of(low)[1]) <= child.lower[1] and child.upper[1] <= float(interval_of(high)[0])):
@@ -162,8 +184,10 @@ def _check_taper(child: Facts, rate: Expr, reach: Expr, low: Expr, high: Expr) -
 
 
 @operator(
-    bounds=lambda child, rate, reach, low, high: around_y(_widest(rate, low, high) * reach, low, high),
-    lipschitz=lambda child, rate, reach, low, high: child.lipschitz * taper_slope(rate, reach, low, high),
+    bounds=lambda child, rate, reach, low, high: _tapered_bounds(rate, *_beyond(rate, reach, low, high)),
+    lipschitz=lambda child, rate, reach, low, high: (
+        child.lipschitz * taper_slope(rate, *_beyond(rate, reach, low, high))
+    ),
     spread=lambda child, rate, low, high: max(child.spread, 1.0) * max(1.0, _widest(rate, low, high)),
     check=_check_taper,
     placing="deform",
@@ -171,6 +195,7 @@ def _check_taper(child: Facts, rate: Expr, reach: Expr, low: Expr, high: Expr) -
 )
 def taper_along_y(p: Expr, child: Child, rate: Number, reach: Positive, low: Length, high: Length) -> Expr:
     """Scale across the y axis by a factor that grows with y."""
+    reach, low, high = _beyond(rate, reach, low, high)
     y = clamp(p.y, low, high)
     wide = _widest(rate, low, high) * reach
     radius = length(p.xz)

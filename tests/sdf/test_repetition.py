@@ -248,3 +248,22 @@ def test_polar_copies_of_a_solid_that_is_bounded_along_y_alone() -> None:
     points = np.random.default_rng(3).uniform(-3, 3, (500, 3))
     copies = np.min([wall.rotate(2 * np.pi * i / 5, "y").distance(points) for i in range(5)], axis=0)
     np.testing.assert_allclose(wall.polar(5).distance(points), copies, atol=1e-12)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5])
+def test_mirrored_cells_are_centred_on_the_origin(count: int) -> None:
+    """An even number has a wall at the origin. Every second copy is the image of its neighbours in the walls."""
+    spacing, points = 2.0, np.random.default_rng(0).uniform(-6, 6, (4000, 3))
+    child = box((0.6, 0.5, 0.4)).translate((0.3, 0.1, 0.0))
+    centres = spacing * (np.arange(count) - 0.5 * (count - 1))
+    assert (0.0 in centres) == (count % 2 == 1)
+    found = child.repeat_mirrored((spacing, None, None), (count, 1, 1)).distance(points)
+    best = np.inf
+    for first in (1.0, -1.0):  # which of the copies are mirrored
+        turns = first * (-1.0) ** np.arange(count)
+        copies = [
+            child.distance((points - (centre, 0, 0)) * (turn, 1, 1))
+            for centre, turn in zip(centres, turns, strict=True)
+        ]
+        best = min(best, np.abs(found - np.min(copies, axis=0)).max())
+    assert best < 1e-12

@@ -107,3 +107,32 @@ def test_the_corners_of_a_square_frustum() -> None:
     """Half-way between squares of 2 and 1 the corner is at 0.75, on the line between theirs."""
     solid = rm.rectangle(2.0).extrude_to(rm.rectangle(1.0), 1.0, "linear")
     np.testing.assert_allclose(solid.distance([(0.75, 0.75, 0), (0.75, 0, 0), (1, 1, -0.5)]), 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("beside", [0.0, 1e-7, 1e-5])
+@pytest.mark.parametrize("rate", [-0.4, 0.3, 0.8])
+def test_normals_where_a_tapered_solid_touches_its_box(rate: float, beside: float) -> None:
+    """A hit may lie a little outside the box. The gradient there is that of a torus, by the chain rule."""
+    angle, away = np.random.default_rng(0).uniform(0, 2 * np.pi, 500), np.linspace(-0.02, 0.02, 500)
+    radius, y = 0.6 + away, np.sqrt(0.04 - away**2)
+    width = 1 + rate * y
+    points = np.stack([radius * np.cos(angle) * width, y + beside, radius * np.sin(angle) * width], axis=1)
+    found = rm.torus(0.6, 0.2).taper(rate).gradient(points)
+    steep = -rate * radius * away / width + y  # of the distance to the ring, times .2
+    right = np.stack([away / width * np.cos(angle), steep, away / width * np.sin(angle)], axis=1)
+    cosine = np.sum(found * right, axis=1) / np.linalg.norm(found, axis=1) / np.linalg.norm(right, axis=1)
+    assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).max() < 0.1
+
+
+@pytest.mark.parametrize("beside", [1e-7, 1e-5])
+def test_normals_where_a_bent_or_twisted_solid_touches_its_reach(beside: float) -> None:
+    """The far edges of a box lie at its reach: from there on, the gradient is that just inside."""
+    edge = np.array((0.5, 0.1, 0.5))
+    out = np.array((1.0, 0.0, 1.0)) / np.sqrt(2.0)
+    for node, turn in ((rm.box((1, 1, 1)).twist(2), 0.2), (rm.box((1, 1, 1)).twist(-1), -0.1)):
+        c, s = np.cos(turn), np.sin(turn)
+        place = np.array(((c, 0, s), (0, 1, 0), (-s, 0, c)))
+        points = np.array([place @ (edge + step * out - (0, 0, 1e-4)) for step in (beside, -1e-4)])
+        found = node.gradient(points)
+        found /= np.linalg.norm(found, axis=1)[:, None]
+        assert np.degrees(np.arccos(np.clip(found[0] @ found[1], -1, 1))) < 0.5
