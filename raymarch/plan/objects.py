@@ -26,7 +26,7 @@ from raymarch.scene.light import Light
 from raymarch.scene.scene import Scene, all_nodes
 from raymarch.sdf.blends import FAMILIES
 from raymarch.sdf.facts import FARTHEST
-from raymarch.sdf.levels import CORRECTED, least_slope
+from raymarch.sdf.levels import CORRECTED, flush_cut, least_slope
 from raymarch.sdf.rows import Rows
 
 TOGETHER = 4
@@ -65,19 +65,23 @@ def reads_field(light: Light) -> bool:
 
 
 def misread(scene: Scene) -> list[Doubt]:
-    """Doubts about effects that read the field as a distance, where it is shorter."""
+    """Doubts about effects that read the field as a distance, where it is shorter or falls to 0 without a surface."""
     effect = "AmbientOcclusion" if scene.occlusion is not None else ""
     if any(map(reads_field, scene.lights)):
         effect = effect or "a penumbra"
     if not effect:
         return []
+    found: list[Doubt] = []
+    if (node := flush_cut(scene.node)) is not None:
+        what = f"{node.name} cuts flush with a face, where {effect} reads a membrane of no thickness that is not drawn"
+        found.append(Doubt("plan", what, "a tool that reaches beyond the face", where=node.where))
     least = least_slope(scene.node)
     if least == 1.0:
-        return []
+        return found
     cure = "Quality(integrator='path') or penumbra='sampled' does not read distances"
     what = f"{effect} reads a field that is {least:.2g} times the distance near a surface that is scaled or bent"
     so = "this is corrected to first order there, so it is too dark" if least < CORRECTED else "it is too dark there"
-    return [Doubt("plan", f"{what}; {so}", cure)]
+    return [*found, Doubt("plan", f"{what}; {so}", cure)]
 
 
 def largest_size(scene: Scene) -> float:

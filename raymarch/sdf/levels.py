@@ -178,6 +178,37 @@ def may_touch(root: Node) -> bool:
     return (touching or flat) and not any(np.any(f.lower >= f.upper) for f in shapes)
 
 
+def flush_cut(root: Node) -> Node | None:
+    """A node of a tree that cuts and leaves a membrane of no thickness, found by points on it; None without one."""
+    cutting = [n for n in all_nodes(root) if n.definition.cuts or n.definition.touches]
+    return next((node for node in cutting[:MEASURED] if node.dimension == 3 and _has_membrane(node)), None)
+
+
+@lru_cache(maxsize=64)
+def _has_membrane(node: Node) -> bool:
+    """True if the field is 0 at several points of the box and positive on both sides of them."""
+    lower, upper = node.bounds
+    size = float(np.linalg.norm(upper - lower))
+    if node.facts.empty or not 0.0 < size < np.inf:
+        return False
+    points = np.random.default_rng(0).uniform(lower, upper, (PROBES // 4, len(lower)))
+    normals = np.zeros(points.shape)
+    try:
+        for _ in range(12):
+            value, gradient = evaluate_both(node, points)
+            normals = gradient / np.sqrt(np.maximum((gradient * gradient).sum(axis=1), 1e-12))[:, None]
+            points = points - gradient * (value / np.maximum((gradient * gradient).sum(axis=1), 1e-12))[:, None]
+        step = 1e-6 * size
+        least = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
+        first = np.cross(normals, least) / np.linalg.norm(np.cross(normals, least), axis=1)[:, None].clip(1e-12)
+        around = (0.0 * first, first, -first, np.cross(normals, first), -np.cross(normals, first))  # no edge is flat
+        flat = [np.abs(evaluate_both(node, points + 10.0 * step * way)[0]) <= 0.1 * step for way in around]
+        sides = [evaluate_both(node, points + way * step * normals)[0] > 0.25 * step for way in (1.0, -1.0)]
+    except SceneError:  # GLSL without a NumPy function
+        return False
+    return int(np.all([*flat, *sides], axis=0).sum()) >= 4
+
+
 def thinnest(root: Node) -> tuple[Node, float] | None:
     """The node of an uneven scale above `FLAT` whose box is the thinnest, and how thick that is; None without one."""
     found: list[tuple[float, int, Node]] = []

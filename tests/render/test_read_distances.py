@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import raymarch as rm
+from raymarch.plan import plan
 
 
 @pytest.fixture(scope="module")
@@ -72,3 +73,19 @@ def test_an_uneven_scale_is_read_over_its_slope(renderer: rm.Renderer) -> None:
         found = scene.replace(node=scaled)
         assert np.quantile(np.abs(renderer.render(found).color - wanted), 0.95) <= error  # but for silhouettes
         np.testing.assert_allclose(rm.truth(found, size=(15, 15)).color, renderer.render(found).color, atol=0.01)
+
+
+@pytest.mark.parametrize("flush", ["drilled", "xor"])
+def test_a_membrane_that_an_effect_reads_is_doubted(flush: str) -> None:
+    """A tool as long as the plate is thick leaves one; a longer tool, and rays that need a sample inside, do not."""
+
+    def doubts(height: float, **given: object) -> list[str]:
+        tool = rm.cylinder(8, height)
+        node = rm.box((40, 10, 40)) - tool if flush == "drilled" else rm.box((40, 10, 40)) ^ tool
+        return [d for d in plan(rm.Scene(node | rm.plane(offset=-20), **given)).warnings if "membrane" in d]
+
+    soft, hard = rm.Sun((1, 2, 1.5), shadow=True, softness=0.1), rm.Sun((1, 2, 1.5), shadow=True)
+    (doubt,) = doubts(10, lights=[soft])
+    assert "beyond the face" in doubt and __file__ in doubt
+    assert doubts(10, occlusion=rm.AmbientOcclusion(), sky=rm.Sky(light=True))
+    assert not doubts(10, lights=[hard]) and not doubts(12, lights=[soft])
