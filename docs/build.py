@@ -45,12 +45,12 @@ VIEW = np.array([0.55, 0.5, 1.0])
 """Direction from a node to the camera."""
 
 SECTIONS = {
-    "Solids": ("solids", "boxes", "rounds", "polyhedra"),
+    "Solids": ("solids", "boxes", "rounds", "ball_parts", "polyhedra"),
     "Flat shapes": ("flat", "flat_curves", "lettering"),
     "Solids from flat shapes": ("profiles",),
     "Curves": ("curves",),
     "Fractals and periodic surfaces": ("fractals", "folds", "periodic"),
-    "Functions, data and GLSL": ("implicit", "sampled", "raw"),
+    "Functions, data and GLSL": ("implicit", "sampled", "heights", "meshes", "raw"),
     "Unions, intersections, differences": ("booleans", "joints"),
     "Place, size and material": ("placing", "visibility"),
     "Copies": ("repetition", "copies", "cells", "instancing"),
