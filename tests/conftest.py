@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import re
+import signal
 from collections.abc import Generator, Iterator
 from fnmatch import fnmatchcase, translate
 from pathlib import Path
@@ -28,6 +29,12 @@ providers.is_local_module_file = lambda file: False
 
 
 gc.disable()  # until all tests are collected
+
+# A shell lets what it starts with `&` ignore SIGINT, and nohup SIGHUP. Commands that tests start would ignore them too.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 LONG = Path(__file__).parent / "long.txt"
 
