@@ -2,7 +2,8 @@
 
 Cell indices are hashed as integers: a hash made of sines would be chaotic in the last bit of its input. The hash is the
 output permutation of a PCG generator (O'Neill 2014; as a hash Jarzynski and Olano 2020), once for each coordinate. Its
-upper 24 bits form a fraction that float32 holds exactly.
+upper 24 bits form a fraction that float32 holds exactly. Indices are rounded to even: a half added to an odd number
+above 2^23 would be a tie in float32, and none in float64.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ FARTHEST = 1.0e9
 def hash(cell: Operand) -> Expr:
     """A pseudorandom number in [0, 1) for each cell of the integer lattice.
 
-    cell : vec3 of integers; other values are rounded.
+    cell : vec3 of integers; other values are rounded, a half to the even integer.
     """
     value = expr(cell)
     if value.type is not VEC3:
@@ -44,7 +45,7 @@ def pcg(v: Array) -> Array:
 
 def evaluate(_node: Expr, cell: Array) -> Array:
     """NumPy row of "hash"."""
-    rounded = np.floor(np.clip(np.nan_to_num(cell), -FARTHEST, FARTHEST) + cell.dtype.type(0.5))
+    rounded = np.rint(np.clip(np.nan_to_num(cell), -FARTHEST, FARTHEST))
     n = np.atleast_2d(rounded).astype(np.int64).astype(np.uint32)
     bits = pcg(n[..., 0] + pcg(n[..., 1] + pcg(n[..., 2])))
     fraction = (bits >> np.uint32(8)).astype(cell.dtype) * cell.dtype.type(2.0**-24)
@@ -61,7 +62,7 @@ GLSL_HELPERS = {
     "pcg": PCG_GLSL,
     "cell_hash": """float cell_hash(vec3 cell) {
     // one number in [0, 1) for each cell
-    uvec3 n = uvec3(ivec3(floor(clamp(cell, -1.0e9, 1.0e9) + 0.5)));
+    uvec3 n = uvec3(ivec3(roundEven(clamp(cell, -1.0e9, 1.0e9))));
     return float(pcg(n.x + pcg(n.y + pcg(n.z))) >> 8) * 5.9604645e-8;
 }""",
 }

@@ -786,6 +786,13 @@ sample(
 )
 sample("stopped", lambda a: v.stop_gradient(a * 3.0) * 2.0, lambda a: each(lambda x: 6 * x, a), fixed=("a",), a=of(3))
 sample("lattice", lambda a: hash(v.floor(a)), lambda a: lattice_hash(each(math.floor, a)), fixed=("a",), a=of(3))
+sample(
+    "lattice_of_large_cells",  # odd numbers above 2^23: in float32, a half added to them is a tie
+    lambda a: hash(v.vec3(1.0, 2.0, 2.0**24 * hash(v.floor(a)))),
+    lambda a: lattice_hash((1.0, 2.0, 2.0**24 * lattice_hash(each(math.floor, a)))),
+    fixed=("a",),
+    a=of(3),
+)
 
 
 HILL = "float hill(vec3 p) {\n    return p.x * p.y + 0.5 * p.z;\n}"

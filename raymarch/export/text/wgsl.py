@@ -121,7 +121,7 @@ _HASH = """fn pcg(value: u32) -> u32 {
 }
 
 fn cell_hash(cell: vec3f) -> f32 {
-    let n = vec3u(vec3i(floor(clamp(cell, vec3f(-1.0e9), vec3f(1.0e9)) + 0.5)));
+    let n = vec3u(vec3i(round(clamp(cell, vec3f(-1.0e9), vec3f(1.0e9)))));
     return f32(pcg(n.x + pcg(n.y + pcg(n.z))) >> 8u) * 5.9604645e-8;
 }"""
 
