@@ -154,8 +154,8 @@ def _each(range_of: Range, slope_of: Slope) -> Rule:
     """
 
     def rule(node: Expr, *values: Span) -> Span:
-        if node.type.shape:
-            values = tuple(lifted(v, a.type, node.type) for v, a in zip(values, node.args, strict=True))
+        if node.type.shape:  # the rule of a square takes one of the two arguments
+            values = tuple(lifted(v, a.type, node.type) for v, a in zip(values, node.args, strict=False))
         low, high = range_of(*[(v.low, v.high) for v in values])
         if all(v.slope is None for v in values):
             return Span(low, high, (low, high), None)

@@ -214,3 +214,9 @@ def test_100_000_objects_ask_those_on_a_ray_alone() -> None:
         depth[i, j] = np.min(enter, where=enter <= leave, initial=np.inf)
     found = rm.prove(scene, with_depth(depth))
     assert np.isfinite(depth).sum() > 100 and found.share == 1.0 and found.evaluations.mean() < 20
+
+
+def test_a_vector_times_itself_is_enclosed() -> None:
+    """So gradient noise has its weights."""
+    ball = rm.implicit(lambda p: rm.dot(p * p, (1.0, 2.0, 1.0)) - 1.0, 1.5)
+    assert rm.prove(ball, rm.truth(ball, size=(7, 4), outputs=("depth",))).proved == 28
