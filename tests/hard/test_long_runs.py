@@ -15,11 +15,14 @@ from tests.lab.soak import soak
 from tests.lab.watertight import Count, shoot
 
 
-@pytest.mark.parametrize("seeds", [(1, 2, 3, 4), (5, 6, 7, 8)], ids=["1-4", "5-8"])
-def test_no_ray_goes_through_a_closed_solid(world: World, seeds: tuple[int, ...]) -> None:
-    count = Count()
-    for seed in seeds:
-        shoot(world, seed, (64, 48), count)
+@pytest.mark.parametrize("first", [1, 51])
+def test_no_ray_goes_through_a_closed_solid(world: World, first: int) -> None:
+    """Four solids are shot at. Estimates are passed over: which seeds make one changes with every new shape."""
+    count, size = Count(), (64, 48)
+    for seed in range(first, first + 50):
+        if count.rays < 4 * size[0] * size[1]:
+            shoot(world, seed, size, count)
+    assert count.rays == 4 * size[0] * size[1]
     assert count.hits > 1000 and count.lost == 0
     assert count.grazing <= 0.01 * count.hits
 
