@@ -106,6 +106,7 @@ class Scene(Value):
     bounces: int
     post: tuple[PostEffect, ...]
     tone: ToneMapping = field(metadata={"planned": False})  # applied to the finished frame
+    of_a_node: bool = field(metadata={"planned": False})  # the user gave a bare node
 
     def __init__(
         self,
@@ -160,6 +161,7 @@ class Scene(Value):
             tone=ToneMapping() if tone is None else instance("Scene: tone", tone, ToneMapping, curves),
             bounces=count,
             post=effects,
+            of_a_node=False,
         )
 
     def _repr_png_(self) -> bytes:
@@ -332,7 +334,7 @@ def _materials(root: Node) -> tuple[Material, ...]:
 def scene_of(node: Node) -> Scene:
     """A default scene of a node, with the user's line of the node."""
     made = Scene(node)
-    made._set(where=node.where)
+    made._set(where=node.where, of_a_node=True)
     return made
 
 

@@ -172,7 +172,7 @@ class Edits:
             parts = [f"{name}={value!r}" for name, value in self.quality.items()]
             lines.append(f"quality = scene.quality.replace({', '.join(parts)})")
             given.append("quality=quality")
-        if lines and scene.where is not None and scene.where is scene.node.where:  # the file's scene is a bare node
+        if lines and scene.of_a_node:
             lines.insert(0, "scene = rm.Scene(scene)")
         if given:
             lines.append(f"scene = scene.replace({', '.join(given)})")
