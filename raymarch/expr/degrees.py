@@ -13,8 +13,8 @@ DEGREES = frozenset({30, 45, 60, 90, 120, 135, 150, 180, 225, 270, 315, 360})
 
 WHOLE = range(15, 121)
 """Fields of view in whole degrees; in radians they are numbers that nobody writes as degrees."""
-TENTHS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.2, 1.5)
-"""Fields of view that are written in radians, 29 to 86 degrees, and that are rarely meant as degrees."""
+TENTHS = (0.6, 0.7, 0.8, 0.9, 1.2, 1.5)
+"""Fields of view that are written in radians, 34 to 86 degrees, and that are rarely meant as degrees."""
 
 _suspected: set[tuple[str, Location | None]] = set()
 """The parameters and lines that were warned of; a line of a loop warns once."""

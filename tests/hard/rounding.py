@@ -324,6 +324,7 @@ RULES: Mapping[str, Rule] = {
     "length": _length,
     "normalize": _normalize,
     "matmul": _matmul,
+    "stop_gradient": lambda _node, x: x,
     "sample": _sample,
     "raw": _raw,
 }

@@ -372,13 +372,13 @@ def sizes(world: World) -> Iterator[Figure]:
         wrong += frame.color.shape != (size[1], size[0], 3)
         wrong += int(np.sum(sure & ~found)) + (off(frame.depth, view, t, cosine, sure & found) > 1)
     yield Figure("wrong pixels and shapes, of 8 sizes", wrong, 0, "epsilon / cosine")
-    from raymarch.errors import DeviceError
+    from raymarch.errors import DeviceError, SceneError
 
     refused = 0
     for size in ((most + 1, 1), (0, 4), (-1, 4)):
         try:
             world.renderer.resize(size)
-        except DeviceError as error:
+        except (DeviceError, SceneError) as error:
             refused += str(size[0]) in str(error)
     yield Figure("sizes accepted beyond the limit, of 3", 3 - refused, 0, "a clear refusal")
 

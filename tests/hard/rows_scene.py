@@ -245,7 +245,7 @@ def twist(world: World) -> Iterator[Figure]:
     brick = rm.box((1, 2, 0.5))
     for name, node in (("twist", brick.twist(2.0)), ("bend", brick.bend(0.8)), ("both", brick.twist(1.0).bend(0.5))):
         yield Figure(f"slope after {name} over its promise", steepest(node), 1 + 1e-9, "1-Lipschitz")
-    k, r = 2.0, float(np.hypot(0.5, 0.25))
+    k, r = 2.0, 1.0001 * float(np.hypot(0.5, 0.25))  # what is twisted reaches a ten-thousandth beyond the solid
     closed = 0.5 * (k * r + np.sqrt((k * r) ** 2 + 4))
     yield Figure(
         "divisor of the twist over the closed form",

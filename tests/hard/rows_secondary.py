@@ -120,7 +120,7 @@ def in_pieces(world: World) -> Iterator[Figure]:
     scene = rm.Scene(ring | rm.plane(offset=-0.8), rm.Camera((1.2, 0.8, 3.2), (0, -0.1, 0), fov=50))
     names = ("depth", "iterations", "evaluations", "residual", "fallbacks")
     differing = 0
-    for tracer in (name for name in TRACERS if name != "auto"):
+    for tracer in (name for name in TRACERS if name not in ("auto", "advance")):
         quality = rm.Quality(tracer=tracer, schedule="single", max_steps=100)
         whole = world.draw(scene.replace(quality=quality), (96, 64), outputs=names)
         for steps_per_pass in (7, 32):

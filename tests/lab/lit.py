@@ -328,7 +328,7 @@ class Draw:
         """Settings that must not change the picture."""
         made: dict[str, Any] = {}
         if self.chance(0.3):
-            made["tracer"] = self.one(*(name for name in TRACERS if name != "auto"))
+            made["tracer"] = self.one(*(name for name in TRACERS if name not in ("auto", "advance")))
         if self.chance(0.3):
             made["schedule"] = self.one(*(name for name in SCHEDULES if name != "auto"))
         if self.chance(0.15):

@@ -46,7 +46,7 @@ def renderer(opened: Renderer) -> Renderer:
     return opened
 
 
-@pytest.mark.parametrize("tracer", [t for t in TRACERS if t != "auto"])
+@pytest.mark.parametrize("tracer", [t for t in TRACERS if t not in ("auto", "advance")])
 @pytest.mark.parametrize("schedule", ["single", "cones"])
 @pytest.mark.parametrize("steps_per_pass", [4, 7])
 def test_many_passes_draw_the_picture_of_one(
@@ -61,6 +61,11 @@ def test_many_passes_draw_the_picture_of_one(
     for name in everything:
         ulps = 2 if schedule == "cones" and name in ("iterations", "evaluations") else 0
         np.testing.assert_allclose(parts.array(name), whole.array(name), rtol=ulps * 2.0**-23, err_msg=name)
+
+
+def test_a_tracer_that_keeps_more_than_a_pass_stores_is_refused() -> None:
+    with pytest.raises(rm.SceneError, match="steps_per_pass = 8 with tracer = 'advance'"):
+        rm.Quality(tracer="advance", steps_per_pass=8)
 
 
 def test_the_passes_end_when_all_rays_have_arrived(renderer: Renderer) -> None:
