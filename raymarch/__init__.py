@@ -114,7 +114,8 @@ class _Called(ModuleType):
 
     def __call__(self, *args: object, **kwargs: object) -> None:
         name = self.__name__.removeprefix("raymarch.")
-        raise import_module("raymarch.errors").SceneError(f"raymarch.{name} is a package", legal=_CALLS[name])
+        legal = _CALLS.get(name, "help(raymarch) lists the functions")
+        raise import_module("raymarch.errors").SceneError(f"raymarch.{name} is a package", legal=legal)
 
 
 class _Package(ModuleType):
@@ -122,9 +123,12 @@ class _Package(ModuleType):
 
     def __setattr__(self, name: str, value: object) -> None:
         if name not in _SOURCES or not isinstance(value, ModuleType):
-            if name in _CALLS and type(value) is ModuleType:
+            if type(value) is ModuleType and value.__name__ == f"raymarch.{name}":
                 value.__class__ = _Called
             super().__setattr__(name, value)
 
 
 sys.modules[__name__].__class__ = _Package
+for _module in [value for value in globals().values() if isinstance(value, ModuleType)]:  # imported before
+    if _module.__name__.startswith("raymarch."):
+        setattr(sys.modules[__name__], _module.__name__.rpartition(".")[2], _module)

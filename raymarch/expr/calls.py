@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, TypeVar
 
 from raymarch.errors import SceneError
-from raymarch.expr.convert import short
+from raymarch.expr.convert import described, short
 from raymarch.expr.peers import meant
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -84,7 +84,8 @@ def bad_call(
         return SceneError(f"{what} takes up to {taken}, {len(args)} were given", legal=legal)
     for name in names[: len(args)]:
         if name in kwargs:
-            first, second = short(args[names.index(name)]), short(kwargs[name])
-            return SceneError(f"{what} was given '{name}' twice, {first} and {second}", legal=legal)
+            first, second = described(args[names.index(name)]), short(kwargs[name])
+            twice = f"{what} was given '{name}' twice: by position {first}, by name {second}"
+            return SceneError(twice, legal=f"its parameters are {legal}")
     missing = [name for name in names[len(args) :] if name in needed and name not in kwargs]
     return SceneError(f"{what} needs '{missing[0]}'", legal=legal) if missing else None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import pickle
 from collections.abc import Callable
+from types import ModuleType
 
 import pytest
 
@@ -71,9 +72,22 @@ WRONG = {
     "too few of a function": (lambda: rm.checker(), r"checker needs 'a' \(a, b, size"),  # type: ignore[call-arg]
     "twice": (
         lambda: rm.Camera((0, 0, 1), position=(1, 2, 3)),  # type: ignore[misc]
-        r"Camera was given 'position' twice",
+        r"Camera was given 'position' twice: by position \(0, 0, 1\) \(tuple\), by name \(1, 2, 3\)",
     ),
+    "twice, a node": (
+        lambda: rm.box().twist(rm.box, rate=2),  # type: ignore[call-arg]
+        r"twist was given 'rate' twice: by position <function box> \(Builder\), by name 2 \(its parameters are rate\)",
+    ),
+    "a package": (lambda: rm.gpu(rm.box()), r"raymarch.gpu is a package"),  # type: ignore[operator]
 }
+
+
+def test_each_module_of_the_package_says_what_it_is_when_it_is_called() -> None:
+    loaded = [m for m in vars(rm).values() if isinstance(m, ModuleType) and m.__name__.startswith("raymarch.")]
+    assert len(loaded) > 5
+    for module in loaded:
+        with pytest.raises(rm.SceneError, match="is a package"):
+            module()  # type: ignore[operator]
 
 
 @pytest.mark.parametrize("name", WRONG)
