@@ -176,6 +176,12 @@ def reset_params(model: Model) -> None:
     model.state.params.clear()
 
 
+def reset_param(model: Model, name: str) -> None:
+    """Set a parameter to its value in the file."""
+    model.state.params.pop(name, None)
+    model.say("param", name=name, value=model.state.value(name))
+
+
 def select_param(model: Model, step: int) -> None:
     """Select the next parameter for the arrow keys; none after the last."""
     state, names = model.state, list(model.state.specs)
@@ -232,7 +238,7 @@ def take_news(model: Model, news: News) -> None:
     elif isinstance(news, Watching):
         model.say("watching", files=news.files)
     elif isinstance(news, Failed):
-        model.trial = None
+        model.trial, model.closed = None, False
         report(model, news.fault)
     else:
         _load(model, news)
@@ -274,7 +280,7 @@ def refuse(model: Model, show: Show, fault: RaymarchError) -> None:
 def report(model: Model, fault: Fault) -> None:
     """Show the error of a scene file."""
     if fault != model.fault:
-        model.fault = fault
+        model.fault, model.closed = fault, False
         model.say("failed", what=fault.what, legal=fault.legal, file=fault.file, line=fault.line)
 
 
@@ -342,7 +348,13 @@ def save_picture(model: Model) -> None:
 
 
 def save_sequence(model: Model) -> None:
-    """Save a sequence: the loop if there is one, else some seconds from the current time."""
+    """Save a sequence: the loop if there is one, else some seconds from the current time.
+
+    A still scene is one picture."""
+    if not model.state.animated:
+        model.notice("this scene does not depend on time: one picture is all of it")
+        save_picture(model)
+        return
     line = model.state.timeline
     first, last = line.loop or (line.time, line.time + SECONDS)
     folder = _free(model, "")
@@ -416,6 +428,8 @@ def toggle_panel(model: Model) -> None:
 def escape(model: Model) -> None:
     """Stop a running trial or sequence, and close messages."""
     model.request(Interrupt())
+    model.closed = model.trial is None
+    model.notices.clear()
     if model.sequence is not None:
         model.notice(f"stopped after {model.sequence.done} pictures")
         model.sequence = None

@@ -78,9 +78,9 @@ class Editors:
         imgui, state = self._imgui, self._model.state
         now = state.edits
         for index, material in enumerate(state.base.materials):
-            self._swatch(index, material)
-            imgui.same_line()
             values = now.materials.get(index)
+            self._swatch(index, material, values)
+            imgui.same_line()
             if values is None:
                 if self._fields.button(f"edit##{index}", f"edit material {index}", small=True):
                     values = edits.editable_material(material)
@@ -101,12 +101,16 @@ class Editors:
         if now.materials:
             self._foot("materials", materials={})
 
-    def _swatch(self, index: int, material: Material) -> None:
-        """The colour of a material, if it is constant."""
-        imgui = self._imgui
-        color = edits.editable_material(material)["albedo" if material.physical else "color"]
-        shown = color if isinstance(color, tuple) else (0.5, 0.5, 0.5)
-        imgui.color_button(f"##swatch {index}", imgui.ImVec4(*shown, 1.0), imgui.ColorEditFlags_.no_tooltip, (14, 14))
+    def _swatch(self, index: int, material: Material, values: dict[str, Any] | None) -> None:
+        """The colour of a material, if it is constant; of an edited one as it is now."""
+        state = self._model.state
+        name = "albedo" if material.physical else "color"
+        color = (values or edits.editable_material(material)).get(name)
+        parameter = edits.material_name(index, name)
+        if values is not None and parameter in state.specs:
+            color = state.value(parameter)
+        constant = isinstance(color, tuple) and len(color) == 3
+        self._fields.swatch(f"material {index}", color if constant else (0.2, 0.2, 0.2), self._imgui.get_font_size())
 
     def quality(self) -> None:
         """The slider from fast to exact, and the editor of the marching quality."""

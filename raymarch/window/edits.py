@@ -117,7 +117,7 @@ class LightEdit:
         kind: Any = KINDS[self.kind]
         made = dict(self.values)
         for name in self.moved:
-            if _number(made[name]):
+            if is_number(made[name]):
                 ends = (0.0, 1.0) if name == "softness" and kind is Sun else LIGHT_RANGES.get(name, (None, None))
                 made[name] = _param(self.name(name), made[name], ends)
         return kind(**made)
@@ -184,8 +184,8 @@ def _material_python(old: Material, index: int, now: Mapping[str, Any]) -> str:
     where = f"  # in place of {old.where}" if old.where else ""
     given = {n: v for n, v in old.arguments().items() if v is not None and n not in (*MAPS, "normal", "height")}
     given = {n: _plain(v) for n, v in given.items() if not (n == "color" and "albedo" in now)}
-    plain = all(_number(v) for v in given.values()) and old.normal is None and old.height is None
-    values = {n: v for n, v in {**(given if plain else {}), **now}.items() if _number(v)}
+    plain = all(is_number(v) for v in given.values()) and old.normal is None and old.height is None
+    values = {n: v for n, v in {**(given if plain else {}), **now}.items() if is_number(v)}
     made = "rm.Material" if plain else f"scene.materials[{index}].replace"
     return f"{made}({', '.join(f'{n}={_written(v)}' for n, v in values.items())}){where}"
 
@@ -286,7 +286,7 @@ def _painted(scene: Scene, materials: dict[int, dict[str, Any]]) -> Node:
             new = {
                 name: _param(material_name(index, name), value, RANGES[name])
                 for name, value in values.items()
-                if name in names and _number(value)  # a pattern or an image is not editable
+                if name in names and is_number(value)  # a pattern or an image is not editable
             }
             exchanged[old] = old.replace(**new)
     root = relabelled(scene.node, lambda material: exchanged.get(material, material))
@@ -294,7 +294,8 @@ def _painted(scene: Scene, materials: dict[int, dict[str, Any]]) -> Node:
     return root.material(exchanged[default]) if default in exchanged else root
 
 
-def _number(value: Any) -> bool:
+def is_number(value: Any) -> bool:
+    """True for a plain number or vector."""
     return isinstance(value, int | float | tuple)
 
 

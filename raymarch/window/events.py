@@ -9,13 +9,17 @@ from typing import TypeAlias
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """A key went down, up, or repeats; `name` as in `NAMES`, or one character in lower case."""
+    """A key went down, up, or repeats; `name` as in `NAMES`, or one character in lower case.
+
+    plain : True if it is no repeat, and was pressed without Control, Alt and the system key.
+    """
 
     name: str
     down: bool
     shift: bool
     control: bool
     code: int
+    plain: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from raymarch.expr.srgb import linear_to_srgb, srgb_to_linear
 from raymarch.scene.parameter import Spec, Value
 from raymarch.window import commands as do
 from raymarch.window.model import Model
+from raymarch.window.theme import WARNING
 
 FIELD = 0.55
 """Width of a field as a fraction of the panel's width."""
@@ -45,21 +47,62 @@ class Fields:
         return f"##{text}"
 
     def param(self, name: str, spec: Spec, label: str = "") -> None:
-        """A slider or colour field for a parameter."""
-        changed, new = self._field(self.label(label or name), name, spec, self.model.state.value(name))
+        """A slider or colour field for a parameter. Before one that differs from the file, an arrow returns to it."""
+        imgui, text = self.imgui, self.label(label or name)
+        edge, gap = imgui.get_frame_height(), imgui.get_style().item_inner_spacing.x
+        if not self.model.state.changed(name):
+            imgui.dummy((edge, edge))
+        else:
+            imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*WARNING, 1.0))
+            returned = imgui.arrow_button(f"##file {name}", imgui.Dir.left)
+            imgui.pop_style_color()
+            self.mark(f"file {name}")
+            imgui.set_item_tooltip("return to the value of the file")
+            if returned:
+                do.reset_param(self.model, name)
+        imgui.same_line(0.0, gap)
+        imgui.set_next_item_width(imgui.calc_item_width() - edge - gap)
+        changed, new = self._field(text, name, spec, self.model.state.value(name))
         self.mark(name)
         if changed:
             do.set_param(self.model, name, new)
+
+    def swatch(self, name: str, color: Any, edge: float = 0.0) -> bool:
+        """A square of a linear colour, as the picture shows it. Returns True if it was clicked."""
+        imgui = self.imgui
+        edge = edge or imgui.get_frame_height()
+        shown = imgui.ImVec4(*linear_to_srgb(np.clip(color[:3], 0.0, 1.0)), 1.0)
+        pressed = imgui.color_button(f"##swatch {name}", shown, imgui.ColorEditFlags_.no_tooltip, (edge, edge))
+        self.mark(f"swatch {name}")
+        return bool(pressed)
+
+    def _color(self, label: str, name: str, value: tuple[float, ...]) -> tuple[bool, Any]:
+        """The numbers of a colour, linear as in the file, and a swatch that opens a picker of colours as shown."""
+        imgui, flags = self.imgui, self.imgui.ColorEditFlags_
+        width = imgui.calc_item_width()
+        if self.swatch(name, value):
+            imgui.open_popup(f"pick {name}")
+        imgui.same_line(0.0, imgui.get_style().item_inner_spacing.x)
+        imgui.set_next_item_width(width - imgui.get_frame_height() - imgui.get_style().item_inner_spacing.x)
+        edit = imgui.color_edit3 if len(value) == 3 else imgui.color_edit4
+        plain = flags.float | flags.hdr | flags.no_small_preview | flags.no_picker | flags.no_options
+        plain |= flags.no_color_markers
+        changed, new = edit(label, list(value), plain)
+        if imgui.begin_popup(f"pick {name}"):
+            most = max(1.0, *value[:3])  # of light: the picker keeps its strength
+            shown = [float(v) for v in linear_to_srgb(np.clip(np.array(value[:3]) / most, 0.0, 1.0))]
+            picked, color = imgui.color_picker3("##picker", shown, flags.no_side_preview | flags.display_rgb)
+            if picked:
+                changed, new = True, [*(float(v) for v in most * srgb_to_linear(np.array(color))), *value[3:]]
+            imgui.end_popup()
+        return changed, tuple(new)
 
     def _field(self, label: str, name: str, spec: Spec, value: Value) -> tuple[bool, Any]:
         imgui = self.imgui
         low, high = _ends(spec)
         if isinstance(value, tuple):
             if len(value) in (3, 4) and _is_color(name, spec):
-                edit = imgui.color_edit3 if len(value) == 3 else imgui.color_edit4
-                flags = imgui.ColorEditFlags_.float | imgui.ColorEditFlags_.hdr
-                changed, new = edit(label, list(value), flags)
-                return changed, tuple(new)
+                return self._color(label, name, value)
             field = getattr(imgui, f"{'slider' if high > low else 'drag'}_float{len(value)}")
             changed, new = field(label, list(value), *((low, high) if high > low else (0.01,)))
             return changed, tuple(new)

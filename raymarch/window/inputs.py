@@ -129,6 +129,8 @@ class Mouse:
         self._extent = extent or (lambda: model.size)
         self._at = (0.0, 0.0)
         self._press: Press | None = None
+        self.plain: set[int] = set()
+        """The codes of the keys that are down, and were pressed on the picture without a modifier other than Shift."""
 
     @property
     def pressed(self) -> bool:
@@ -142,12 +144,20 @@ class Mouse:
             self._button(event)
         elif isinstance(event, Scroll):
             do.move(self._model, control.dolly, event.y)
-        elif isinstance(event, Key) and event.down:
-            press(self._model, event)
-            if (event.name, event.control) == ("f", False):
-                do.inspect(self._model, *self._pixel(*self._at), focus=True)
+        elif isinstance(event, Key):
+            self._key(event)
         elif isinstance(event, Drop):
             do.open_files(self._model, event.files)
+
+    def _key(self, event: Key) -> None:
+        if not event.down:
+            self.plain.discard(event.code)
+            return
+        if event.plain:
+            self.plain.add(event.code)
+        press(self._model, event)
+        if (event.name, event.control) == ("f", False):
+            do.inspect(self._model, *self._pixel(*self._at), focus=True)
 
     def _move(self, x: float, y: float) -> None:
         press, before, self._at = self._press, self._at, (x, y)

@@ -34,7 +34,7 @@ def messages_of(model: Model, now: float) -> list[Message]:
     if model.help:
         return [Message(inputs.help_text(), "note", "middle")]
     messages = _sides(model)
-    if model.fault is not None:
+    if model.fault is not None and not model.closed:
         messages.append(Message(model.fault.text(), "error", "bottom left"))
     elif model.plan is not None and model.plan.conditions:
         shot = model.state.shot()

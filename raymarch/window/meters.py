@@ -8,7 +8,7 @@ from raymarch.plan import explain
 from raymarch.shader import assemble
 from raymarch.window import commands as do
 from raymarch.window.model import FRAMES, Model
-from raymarch.window.toolkit import ACCENT, FAINT, WARNING, shade
+from raymarch.window.theme import ACCENT, FAINT, WARNING, shade
 
 HIGH = 48.0
 """Size of the graph at display scale 1, in pixels."""

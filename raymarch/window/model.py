@@ -171,6 +171,7 @@ class Model:
     panel : whether the panel is visible; None if its extra is not installed.
     compare : what the picture is compared with. known : the fraction of the reference that is computed.
     help, notices, fault, pick : messages: notices with the time at which they end.
+    closed : whether Esc closed the message of the fault.
     trial : file and start of the running trial of a changed scene file.
     sequence : the sequence that is being saved.
     drawn, frame, plan, evaluations, frames, driver, compiled : what the views report: the last step; ms of the
@@ -193,6 +194,7 @@ class Model:
     help: bool = False
     notices: list[tuple[float, str]] = field(default_factory=list)
     fault: Fault | None = None
+    closed: bool = False
     pick: Pick | None = None
     trial: tuple[Path, float] | None = None
     sequence: Series | None = None

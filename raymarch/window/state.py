@@ -19,6 +19,7 @@ from raymarch.scene.scene import Scene
 from raymarch.window import control
 from raymarch.window.control import View
 from raymarch.window.edits import Edits
+from raymarch.window.rebase import rebased
 from raymarch.window.shot import Shot, progressive
 from raymarch.window.timeline import Timeline
 
@@ -32,7 +33,7 @@ class State:
     file, base : the scene file and its scene. edits : changes of it. scene : the result, which is visible.
     progressive : the scene as the window draws it; see `shot.progressive`.
     specs : its parameters, in the order of the file; those of edited lights and materials follow.
-    params : values that differ from the defaults.
+    params : values that differ from the defaults. absent : those of parameters that the file no longer has.
     camera : the user's view.
     moved : whether the user moved the camera; until then it follows the scene's camera.
     timeline : the clock of the scene.
@@ -55,6 +56,7 @@ class State:
     aspect: float = 1.0
     selected: str | None = None
     edits: Edits = field(default_factory=Edits)
+    absent: dict[str, Value] = field(default_factory=dict)
 
     @property
     def values(self) -> Values:
@@ -79,15 +81,22 @@ class State:
     def with_scene(self, base: Scene, edits: Edits) -> tuple[State, list[str]]:
         """The state with another scene or other edits, and one sentence for each value that had to change.
 
-        Parameters keep their values, clamped to a new range if necessary. A camera that the user moved stays; otherwise
-        it follows the camera of the new scene. Raises the errors of the edited scene.
+        Parameters keep their values, clamped to a new range if necessary; also while the file lacks them. A camera that
+        the user moved stays; otherwise it follows the camera of the new scene. A value that the file changed is the
+        file's, see `rebased`. Raises the errors of the edited scene.
         """
+        given, newer = {**self.absent, **self.params}, list[str]()
+        if base is not self.base:
+            kept = rebased(edits, given, self.base, base)
+            edits, given, newer = kept.edits, kept.params, kept.words
         scene = edits.apply(base)
         specs = parameters_in_order(base, scene, self.file)
         made = replace(self, base=base, edits=edits, scene=scene, progressive=progressive(scene), specs=specs)
-        made.animated, made.params = _animated(scene), {}
-        changes = []
-        for name, value in self.params.items():
+        own = {**self.absent, **self.base.parameters}
+        absent = {name: value for name, value in given.items() if name not in specs and name in own}
+        made.animated, made.params, made.absent = _animated(scene), {}, absent
+        changes = newer
+        for name, value in given.items():
             fitting = _fitted(specs[name], value) if name in specs else None
             if fitting is not None:
                 if fitting != value:
@@ -96,6 +105,9 @@ class State:
         if made.selected not in specs:
             made.selected = None
         projected = scene.camera.orthographic != (made.camera.height is not None)
+        if made.moved and scene.camera != self.scene.camera:
+            changes.append("the camera is the file's, which is newer")
+            projected = True
         placed = scene.camera.position is not None or scene.camera.direction is not None
         if projected or (not made.moved and placed):
             made.camera, made.moved = home(scene, made.values, made.aspect), False
@@ -123,6 +135,10 @@ class State:
         if fitting is None:
             raise SceneError(f"parameter '{name}' = {value!r}", legal=spec.legal)
         self.params[name] = fitting
+
+    def changed(self, name: str) -> bool:
+        """True if the value of a parameter is not that of the file."""
+        return name in self.params and self.params[name] != self.specs[name].value
 
     def value(self, name: str) -> Value:
         """The current value of a parameter."""

@@ -36,7 +36,8 @@ class Window:
         def key(_: Any, code: int, scancode: int, action: int, mods: int) -> None:
             name = self._names.get(code) or (glfw.get_key_name(code, scancode) or "").lower()
             shift, control = bool(mods & glfw.MOD_SHIFT), bool(mods & (glfw.MOD_CONTROL | glfw.MOD_SUPER))
-            add(Key(name, action != glfw.RELEASE, shift, control, code))
+            plain = action == glfw.PRESS and not control and not mods & glfw.MOD_ALT
+            add(Key(name, action != glfw.RELEASE, shift, control, code, plain))
 
         def button(_: Any, which: int, action: int, mods: int) -> None:
             add(Button(which, action == glfw.PRESS, bool(mods & glfw.MOD_SHIFT), bool(mods & glfw.MOD_CONTROL)))
@@ -77,7 +78,11 @@ class Window:
 
     def held(self, name: str) -> bool:
         """True if a key is down; `name` as in glfw, without KEY_."""
-        return bool(self.glfw.get_key(self.handle, getattr(self.glfw, f"KEY_{name.upper()}")) == self.glfw.PRESS)
+        return bool(self.glfw.get_key(self.handle, self.code(name)) == self.glfw.PRESS)
+
+    def code(self, name: str) -> int:
+        """The code of a key in events; `name` as in glfw, without KEY_."""
+        return int(getattr(self.glfw, f"KEY_{name.upper()}"))
 
     def wait(self, seconds: float) -> list[Event]:
         """The events since the last call. Waits up to `seconds` for the first one; 0 does not wait."""

@@ -201,7 +201,7 @@ class Viewer:
         for found in self._inquiry.latest():
             do.take_truth(model, found)
         do.advance(model, min(passed, 0.25))
-        if any(speeds := flying(self.window.held)):
+        if any(speeds := self._speeds()):
             do.move(model, control.fly, *speeds, min(passed, 0.1))
         do.continue_sequence(model)
         self._carry_out_all()
@@ -215,11 +215,16 @@ class Viewer:
         if not taken or self._mouse.pressed:
             self._mouse.take(event)
 
+    def _speeds(self) -> tuple[float, float, float]:
+        """The speeds of the flight by the keys that were pressed for it: not in a field of text, nor with Control."""
+        window, plain = self.window, self._mouse.plain
+        return flying(lambda name: window.held(name) and (len(name) > 1 or window.code(name) in plain))
+
     def _pause(self) -> float:
         """How long to wait for the next event."""
         model, line = self.model, self.model.state.timeline
         busy = (model.state.animated and line.playing) or model.sequence is not None or bool(model.requests)
-        if busy or not self.picture.whole or not self._comparison.whole(model) or any(flying(self.window.held)):
+        if busy or not self.picture.whole or not self._comparison.whole(model) or any(self._speeds()):
             return max(0.0, SHORTEST - (clock_time.perf_counter() - self._at))
         return IDLE
 

@@ -105,11 +105,16 @@ class Hand:
         self.press()
         self.release()
 
-    def drag(self, start: tuple[int, int], end: tuple[int, int], button: int = 1, steps: int = 4) -> None:
+    def drag(
+        self, start: tuple[int, int], end: tuple[int, int], button: int = 1, steps: int = 4, pause: float = 0.0
+    ) -> None:
+        """Drag in steps with so many seconds between them: fields that are no sliders need more than one frame."""
         self.move(*start)
         self.press(button)
         for i in range(1, steps + 1):
+            time.sleep(pause)
             self.move(*(round(a + (b - a) * i / steps) for a, b in zip(start, end, strict=True)))
+        time.sleep(pause)
         self.release(button)
 
     def wheel(self, steps: int) -> None:
@@ -278,10 +283,13 @@ class Session:
         self.wait("idle", since=at)
         return self.hand.see()
 
+    def places(self) -> dict[str, list[int]]:
+        """Where the items of the panel are, their middles."""
+        return [e["at"] for e in self.events() if e["event"] == "items"][-1]  # type: ignore[no-any-return]
+
     def item(self, name: str) -> tuple[int, int]:
         """Where an item of the panel is, its middle."""
-        places = [e["at"] for e in self.events() if e["event"] == "items"]
-        x, y = places[-1][name]
+        x, y = self.places()[name]
         return x, y
 
     def complaints(self) -> str:

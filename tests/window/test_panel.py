@@ -13,7 +13,7 @@ from raymarch.gpu.prepare import prepare
 from raymarch.window import commands as do
 from raymarch.window.model import Copy, Measure, Model, SavePicture, Show
 from raymarch.window.panel import Panel
-from raymarch.window.toolkit import apply_theme
+from raymarch.window.theme import apply_theme
 from tests.window.test_commands import carried_out, model_of, text_of
 
 SCENE = """import raymarch as rm
