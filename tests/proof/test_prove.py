@@ -194,7 +194,7 @@ def test_the_part_of_a_pixel_that_is_covered_lies_between_its_bounds(projection:
     low, high = found.coverage
     assert np.all((low <= part) & (part <= high)) and np.any(low == 1.0) and np.any(high == 0.0)
     edge = (part > 0.0) & (part < 1.0)
-    assert np.mean((high - low)[edge]) < 0.6 and np.mean((high - low)[~edge]) < 0.02
+    assert np.mean((high - low)[edge]) < 0.3 and np.mean((high - low)[~edge]) < 0.01
     assert "pixels are covered" in str(found)
     with pytest.raises(SceneError, match="pixels"):
         rm.prove(scene, pixels="half")  # type: ignore[arg-type]

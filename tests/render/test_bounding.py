@@ -86,15 +86,17 @@ def test_patterns_that_read_the_footprint_stay_inside_of_a_transform(renderer: r
     ]
     balls = (rm.torus(0.6, 0.2).material(checkers[0]) | rm.box((0.6, 0.4, 0.8)).material(checkers[1])).rotate(0.7, "z")
     node = balls.scale((1.4, 0.7, 1.0)).translate((0.1, 0.2, 0)) | rm.plane(offset=-0.4).material(checkers[1])
-    frames, scene = [], rm.Scene(node, rm.Camera((1.8, 1.2, 2.6)), [SUN])
-    for choice in ({"bounding_volumes": True}, {"objects": "data"}, {"objects": "text"}):
-        frames.append(renderer.render(scene.replace(quality=rm.Quality(analytic=False, **choice))).color)
-    boxes, rows, text = frames
-    assert np.mean(np.abs(boxes - text) > 2e-4) < 1e-3
-    assert max(np.abs(boxes - text).max(), np.abs(rows - text).max()) < 0.01
-    reference = rm.truth(scene, renderer.size).color
-    off = [np.mean(np.abs(color - reference) > 2e-4) for color in (rows, text)]
-    assert off[0] < 1.2 * off[1]  # rows are placed by other roundings, which are as exact
+    scene = rm.Scene(node, rm.Camera((1.8, 1.2, 2.6)), [SUN])
+    # A pattern is read below the hit by its residual, a sixteenth of an epsilon at most. Rows take other steps.
+    for epsilon, share, most in ((0.1, 0.01, 0.01), (0.003, 1e-3, 1e-3)):
+        frames = []
+        for choice in ({"bounding_volumes": True}, {"objects": "data"}, {"objects": "text"}):
+            quality = rm.Quality(analytic=False, epsilon=epsilon, **choice)
+            frames.append(renderer.render(scene.replace(quality=quality)).color)
+        boxes, rows, text = frames
+        for other, part in ((boxes, 1e-3), (rows, share)):
+            difference = np.abs(other - text)
+            assert np.mean(difference > 2e-4) < part and difference.max() < most
 
 
 @pytest.mark.parametrize("x", [-1.5, 1.4])
