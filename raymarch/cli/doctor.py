@@ -32,6 +32,7 @@ def _show_report(report: Any) -> None:
             ("driver", f"{report.driver.renderer}, {report.driver.vendor}"),
             ("version", report.driver.version),
             ("runs on", "the CPU" if report.driver.is_software else "the GPU"),
+            ("draws by", report.draws),
             ("largest picture", "{}x{}".format(*limits.picture)),
             ("texture size", limits.texture_size),
             ("uniform components", limits.fragment_uniform_components),

@@ -40,6 +40,8 @@ CURES = {
 """How to make each backend work; package names are those of Debian and Ubuntu."""
 
 _GL_VERSION = 330
+_GL_WITH_COMPUTE = 430
+"""Asked for first, where it may be had: some drivers give exactly the version that is asked for."""
 _SOFTWARE_RENDERERS = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader", "basic render", "gdi generic")
 
 
@@ -432,7 +434,10 @@ def _egl_device(device: int | None) -> int:
 def _create_egl(device: int) -> moderngl.Context:
     # The stubs of moderngl 5.13 declare every extra setting to be a dict.
     settings: dict[str, Any] = {"backend": "egl", "device_index": device}
-    return moderngl.create_context(require=_GL_VERSION, standalone=True, **settings)
+    try:
+        return moderngl.create_context(require=_GL_WITH_COMPUTE, standalone=True, **settings)
+    except Exception:
+        return moderngl.create_context(require=_GL_VERSION, standalone=True, **settings)
 
 
 def _create_on_glfw(window: Any) -> moderngl.Context:

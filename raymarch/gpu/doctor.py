@@ -8,6 +8,7 @@ from typing import Any
 
 from raymarch.errors import DeviceError
 from raymarch.gpu.clock import Clock, Kind
+from raymarch.gpu.compute import draws_by, why_drawn_so
 from raymarch.gpu.context import BACKENDS, Context, Driver, Limits, open_context
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Target
@@ -74,6 +75,7 @@ class Report:
     limits: Limits | None = None
     loops: LoopLimit | None = None
     clock: ClockReport | None = None
+    draws: str | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """The report as JSON types; unknown values are None."""
@@ -105,7 +107,8 @@ def _examine(backend: str) -> Report:
     with context:
         clock = Clock(context)
         report = ClockReport(clock.kind, clock.verdict)
-        return Report(backend, True, None, None, context.driver, context.limits, count_loop(context), report)
+        known = context.driver, context.limits, count_loop(context), report
+        return Report(backend, True, None, None, *known, f"{draws_by(context)} shaders: {why_drawn_so(context)}")
 
 
 def count_loop(context: Context, iterations: int = LOOP_ITERATIONS) -> LoopLimit:

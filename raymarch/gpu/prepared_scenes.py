@@ -73,6 +73,4 @@ class PreparedScenes:
 
     def _refuse_slow(self, scene: Scene, seconds: float, operations: int, shapes: int) -> None:
         """Refuse a field that takes too long to compile, before the rest is planned."""
-        driver = self._resources.context.driver
-        if driver.is_software:
-            check_compile_time(seconds, operations, shapes, scene, driver.renderer)
+        check_compile_time(seconds, operations, shapes, scene, self._resources.context.driver.renderer)

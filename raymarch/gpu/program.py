@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import DeviceError, Location, ShaderError
+from raymarch.gpu.compute import dispatch_of
 from raymarch.gpu.context import Context, Releasing
 from raymarch.gpu.signals import deferred
 from raymarch.gpu.targets import Surface, Target, confine
@@ -52,6 +53,8 @@ Locate: TypeAlias = Callable[[int], tuple[str, Location | None]]
 Severity: TypeAlias = Literal["error", "warning", "note"]
 
 _SEVERITY = r"(?P<severity>error|warning|note)"
+# NVIDIA: "Fragment info", a line of dashes, and then what the linker says.
+_HEADING = re.compile(r"[-=]{3,}$|(vertex|fragment|compute|link) info$", re.I)
 _MESSAGE_FORMS = tuple(
     re.compile(form, re.IGNORECASE)
     for form in (
@@ -102,6 +105,9 @@ class Elements(NamedTuple):
 class Program(Releasing):
     """A linked program: a pass that fills a surface, or a tile of it.
 
+    Where the context draws by compute shaders (see `raymarch.gpu.compute`), what goes to a `Target` without blending is
+    dispatched; the fragment shader is then compiled for other surfaces only.
+
     context : the context of the program; bound here and by every method.
     vertex : a vertex shader without attributes that makes a triangle of gl_VertexID 0, 1, 2, such as `FULL_SCREEN`.
     fragment : the fragment shader, `#version 330 core`.
@@ -116,22 +122,38 @@ class Program(Releasing):
         self.context = context
         self.name = name
         self.released = False
+        self._texts = vertex, fragment
+        self._locate = locate
+        self._fragment: tuple[moderngl.Program, moderngl.VertexArray] | None = None
         with context.bound(), deferred():
+            self._dispatch = dispatch_of(context, fragment)
+            if self._dispatch is None:
+                self._linked()
+
+    def _linked(self) -> tuple[moderngl.Program, moderngl.VertexArray]:
+        """The fragment shader and its triangle; compiled at the first call."""
+        if self._fragment is None:
+            vertex, fragment = self._texts
+            gl = self.context.gl
             try:
                 # Some versions of moderngl strip the text, which shifts its lines; strip it here for all versions.
-                self._program = context.gl.program(vertex_shader=vertex.strip(), fragment_shader=fragment.strip())
+                program = gl.program(vertex_shader=vertex.strip(), fragment_shader=fragment.strip())
             except moderngl.Error as error:
-                raise _refusal(name, str(error), fragment, locate) from error
+                raise _refusal(self.name, str(error), fragment, self._locate) from error
             try:
-                self._triangle = context.gl.vertex_array(self._program, [])
+                self._fragment = program, gl.vertex_array(program, [])
             except moderngl.Error as error:
-                self._program.release()
-                raise DeviceError(f"pass {name}: the device failed: {error}", legal="a new Renderer") from error
+                program.release()
+                raise DeviceError(f"pass {self.name}: the device failed: {error}", legal="a new Renderer") from error
+        return self._fragment
 
     @property
     def uniforms(self) -> tuple[str, ...]:
         """Names of the active uniforms; the driver removes those without effect."""
-        return tuple(name for name in self._program if isinstance(self._program[name], moderngl.Uniform))
+        if self._dispatch is not None:
+            return self._dispatch.uniforms
+        program, _ = self._linked()
+        return tuple(name for name in program if isinstance(program[name], moderngl.Uniform))
 
     def draw(
         self,
@@ -159,19 +181,25 @@ class Program(Releasing):
         with self.context.bound():
             if isinstance(target, Target):
                 target.read_unread()
-            self._set(uniforms or {}, target)
             gl = self.context.gl
+            if self._dispatch is not None and isinstance(target, Target) and not blend:
+                self._set(self._dispatch.shader, uniforms or {}, target)
+                self._dispatch.run(target.textures, tile or (0, 0, width, height))
+                return
+            with deferred():
+                program, triangle = self._linked()
+            self._set(program, uniforms or {}, target)
             gl.enable_only(moderngl.BLEND if blend else moderngl.NOTHING)
             framebuffer = target.framebuffer
             framebuffer.use()
             framebuffer.viewport = (0, 0, width, height)
             confine(framebuffer, tile)
             if blend or not self.context.driver.compiles_opaque_twice:
-                self._triangle.render(moderngl.TRIANGLES, vertices=3)
+                triangle.render(moderngl.TRIANGLES, vertices=3)
                 return
             gl.enable_direct(_COLOR_LOGIC_OP)
             try:
-                self._triangle.render(moderngl.TRIANGLES, vertices=3)
+                triangle.render(moderngl.TRIANGLES, vertices=3)
             finally:
                 gl.disable_direct(_COLOR_LOGIC_OP)
 
@@ -182,13 +210,19 @@ class Program(Releasing):
         self.released = True
         if not self.context.released:
             with self.context.bound():  # see Target.release: contexts reuse GL names
-                self._triangle.release()
-                self._program.release()
+                if self._fragment is not None:
+                    program, triangle = self._fragment
+                    triangle.release()
+                    program.release()
+                if self._dispatch is not None:
+                    self._dispatch.shader.release()
 
-    def _set(self, uniforms: Mapping[str, Any], target: Surface) -> None:
+    def _set(
+        self, shader: moderngl.Program | moderngl.ComputeShader, uniforms: Mapping[str, Any], target: Surface
+    ) -> None:
         unit = 0
         for name, value in uniforms.items():
-            member = self._program.get(name, None)
+            member = shader.get(name, None)
             if not isinstance(member, moderngl.Uniform):
                 continue
             texture = _as_texture(value)
@@ -210,7 +244,8 @@ def _refusal(name: str, log: str, fragment: str, locate: Locate | None) -> Shade
     if not errors or not in_fragment:
         # Link errors have no line, and the vertex shader is never the user's.
         stage = "the fragment shader" if in_fragment else "the vertex shader" if "vertex" in heading else "linking"
-        first = errors[0].text if errors else next(filter(None, map(str.strip, body.splitlines())), log.strip())
+        lines = [line for line in map(str.strip, body.splitlines()) if line and not _HEADING.match(line)]
+        first = errors[0].text if errors else next(iter(lines), log.strip())
         return ShaderError(f"pass {name}: the driver refused {stage}: {first}")
     first_error = errors[0]
     # The driver got the stripped text, so its line 1 is the first line that is not blank.

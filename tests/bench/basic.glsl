@@ -1,7 +1,7 @@
 // A basic sphere tracer, as written by hand: a box minus a sphere, a torus blended with a sphere, and a floor up to the
 // horizon; a sun with a hard shadow, normals from four samples. The alpha channel is the distance, -1 without a hit.
 uniform vec2 resolution;
-out vec4 color;
+layout(location = 0) out vec4 color;
 
 #ifndef EPSILON
 #define EPSILON 0.0001 * t

@@ -22,6 +22,7 @@ def test_the_backends_of_this_machine(egl: Context, osmesa: Context) -> None:
         assert report.driver is not None and report.limits is not None
         assert report.loops is not None and report.clock is not None
         assert report.clock.verdict.startswith(report.clock.kind)
+        assert report.draws is not None and report.draws.startswith(("fragment shaders: ", "compute shaders: "))
         if "llvmpipe" in report.driver.renderer:
             assert report.loops.words == "loops end silently after 65,535 iterations"
             assert report.clock.kind == "wall clock"

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from raymarch.gpu.context import Context
-from tests.lab import on_device
+from tests.gpu import device as on_device
 
 
 def test_it_measures_and_writes_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

