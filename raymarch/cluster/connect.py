@@ -21,6 +21,9 @@ FAILURES = 10
 Dask counts a death for all tasks that were assigned to the worker, not only for the one that it ran. Its default is 3.
 """
 
+LOGGERS = ("distributed", "tornado", "bokeh", "asyncio")
+"""How the names of loggers begin that tell of Dask; some have levels of their own."""
+
 LEGAL = "local, local:N with N workers, or tcp://HOST:PORT"
 
 
@@ -94,7 +97,7 @@ def _local(distributed: Any, number: int, timeout: float) -> Iterator[Any]:
 @contextmanager
 def _quiet() -> Iterator[None]:
     """A block in which Dask does not log: what matters is in the summary and in the errors."""
-    names = ("distributed", "distributed.scheduler", "distributed.nanny", "tornado.application", "bokeh")
+    names = [name for name in logging.root.manager.loggerDict if name.startswith(LOGGERS)]
     loggers = [logging.getLogger(name) for name in names]
     levels = [logger.level for logger in loggers]
     for logger in loggers:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import time as clock_time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pkgutil import resolve_name
 from typing import Any, Generic, TypeVar
@@ -88,6 +88,26 @@ class Log:
         return found
 
 
+@contextmanager
+def scheduled(client: Any) -> Iterator[None]:
+    """A block that uses a client: ClusterError if the scheduler is lost meanwhile.
+
+    Dask raises its own errors and plain OSErrors for that. Other OSErrors of the block, as of a full disk, pass.
+    """
+    from distributed.client import FutureCancelledError
+
+    try:
+        yield
+    except (OSError, TimeoutError, FutureCancelledError) as fault:
+        library = type(fault).__module__.partition(".")[0]
+        if library not in ("distributed", "concurrent", "asyncio", "tornado") and client.status == "running":
+            raise
+        what = "the connection to the scheduler is lost; what was drawn is kept"
+        gone = ClusterError(what, legal="the same command again")
+        gone.where = None
+        raise gone from fault
+
+
 @dataclass(slots=True)
 class Failed:
     """A task that did not return: the last error, and the tries."""
@@ -122,7 +142,9 @@ class Cluster(Generic[U]):
 
     def job(self, quality: Quality, shot: Shot, options: Options, tell: Callable[[str], None]) -> Job:
         """A job for the kinds of workers that may draw, see `accepted`. tell : called with notes."""
-        self.used, notes = accepted(self.machines(options.backend, options.device), options.mixed)
+        with scheduled(self.client):
+            found = self.machines(options.backend, options.device)
+        self.used, notes = accepted(found, options.mixed)
         for note in notes:
             tell(note)
         return Job(quality, shot, options.backend, options.device, tuple(self.used), options.timeout)
@@ -176,7 +198,9 @@ class Cluster(Generic[U]):
     def alone(self) -> list[str]:
         """The addresses of the workers that are the only one on their host."""
         hosts: dict[str, list[str]] = defaultdict(list)
-        for worker, info in self.client.scheduler_info(n_workers=-1)["workers"].items():
+        with scheduled(self.client):
+            known = self.client.scheduler_info(n_workers=-1)["workers"]
+        for worker, info in known.items():
             hosts[info["host"]].append(worker)
         return [workers[0] for workers in hosts.values() if len(workers) == 1]
 
@@ -192,7 +216,6 @@ class Cluster(Generic[U]):
         number of units. Raises ClusterError if the scheduler is lost.
         """
         from distributed import as_completed
-        from distributed.client import FutureCancelledError
         from distributed.scheduler import KilledWorker
 
         left = iter(units)
@@ -212,43 +235,34 @@ class Cluster(Generic[U]):
         def watch(event: tuple[float, Mapping[str, Any]]) -> None:
             self._watch(event[1], pending)
 
-        gone = ClusterError(
-            "the connection to the scheduler is lost; what was drawn is kept", legal="the same command again"
-        )
-        gone.where = None
-        try:
-            self.client.subscribe_topic("all", watch)
-            fill()
-            for future in done:
-                unit, _ = pending.pop(future.key)
-                if future.status == "error":
-                    fault = future.exception()
-                    if isinstance(fault, KilledWorker) and revived[future.key] < REVIVALS:
-                        revived[future.key] += 1
+        with scheduled(self.client):
+            try:
+                self.client.subscribe_topic("all", watch)
+                fill()
+                for future in done:
+                    unit, _ = pending.pop(future.key)
+                    if future.status == "error":
+                        fault = future.exception()
+                        if isinstance(fault, KilledWorker) and revived[future.key] < REVIVALS:
+                            revived[future.key] += 1
+                            pending[future.key] = unit, future
+                            future.retry()
+                            done.add(future)
+                            continue
+                        result: Any = Failed(_one_line(fault))
+                    elif future.status in ("lost", "pending"):  # its worker died before it was collected: repeated
                         pending[future.key] = unit, future
-                        future.retry()
                         done.add(future)
                         continue
-                    result: Any = Failed(_one_line(fault))
-                elif future.status in ("lost", "pending"):  # its worker died before it was collected: Dask repeats it
-                    pending[future.key] = unit, future
-                    done.add(future)
-                    continue
-                elif future.status == "cancelled":
-                    raise gone
-                else:
-                    result = future.result()
-                del future
-                yield unit, result
-                del result
-                fill()
-        except (OSError, TimeoutError, FutureCancelledError) as fault:
-            if type(fault).__module__.startswith(("distributed", "concurrent", "asyncio", "tornado")):
-                raise gone from fault
-            raise
-        finally:
-            with suppress(Exception):  # the scheduler may be gone
-                self.client.unsubscribe_topic("all")
+                    else:
+                        result = future.result()  # raises FutureCancelledError if the scheduler is lost
+                    del future
+                    yield unit, result
+                    del result
+                    fill()
+            finally:
+                with suppress(Exception):  # the scheduler may be gone
+                    self.client.unsubscribe_topic("all")
 
     def _watch(self, event: Mapping[str, Any], pending: Mapping[str, Any]) -> None:
         """Count lost workers and the tasks that they had, from the scheduler's events."""

@@ -6,9 +6,8 @@ import json
 import os
 import shutil
 import signal
-import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ import matplotlib
 import pytest
 
 import raymarch as rm
+from raymarch.cluster import connect, frames, submit
 from raymarch.cluster.connect import connected
 from raymarch.cluster.source import of_file
 from raymarch.cluster.submit import Cluster, Options
@@ -28,7 +28,7 @@ from raymarch.cost.settings import Setting
 from raymarch.cost.sweep import sweep
 from raymarch.cost.text import as_json, findings
 from tests.support.commands import files, run
-from tests.support.dask_processes import wait_for
+from tests.support.dask_processes import Way
 
 SCENE = """import raymarch as rm
 from colors import RED
@@ -143,21 +143,33 @@ def test_a_scene_is_drawn_wherever_its_file_lies(folder: Path, client: Any, monk
     assert drawn[1:] == drawn[:1] * 3 and len(set(drawn[0])) == 2
 
 
+def after_frame(number: int, disturb: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Call a function before the file of the frame of this number, in the order of their arrival, is written."""
+    written, arrived = frames.written, []
+
+    def counted(file: Path, *more: Any) -> Any:
+        arrived.append(file)
+        if len(arrived) == number:
+            disturb()
+        return written(file, *more)
+
+    monkeypatch.setattr(frames, "written", counted)
+
+
 @pytest.mark.parametrize("also_hung", [False, True], ids=["killed", "killed and hung"])
-def test_a_killed_and_a_hung_worker_cost_only_their_tasks(folder: Path, client: Any, also_hung: bool) -> None:
+def test_a_killed_and_a_hung_worker_cost_only_their_tasks(
+    folder: Path, client: Any, also_hung: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert draw("p_%02d.png", frames="0:24") == 0
     first, second = client.run(os.getpid).values()
 
     def disturb() -> None:
-        wait_for(lambda: len(content("c_*.png")) >= 4, 60, "4 frames")
         os.kill(first, signal.SIGKILL)
         if also_hung:
             os.kill(second, signal.SIGSTOP)  # the scheduler replaces it after its time to live
 
-    thread = threading.Thread(target=disturb)
-    thread.start()
+    after_frame(4, disturb, monkeypatch)
     made = rm.render_frames("ball.py", range(24), 6, (32, 24), "c_{:02d}.png", client)
-    thread.join()
     assert [file.name for file in made] == [f"c_{i:02d}.png" for i in range(24)]
     assert content("c_*.png") == content("p_*.png")
 
@@ -182,22 +194,19 @@ def test_the_cost_has_the_same_errors_and_evaluations(folder: Path, client: Any)
 
 
 def test_a_lost_scheduler_is_one_line_and_the_film_continues(
-    folder: Path, client: Any, cluster: tuple[str, str], capsys: pytest.CaptureFixture[str]
+    folder: Path, client: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], caplog: Any
 ) -> None:
-    """The last test of the file: it ends the cluster."""
+    """The way to the scheduler is cut after the third frame, before the workers are counted: what is open ends, and
+    nobody answers there any more."""
+    monkeypatch.setattr(submit, "COUNTED", 0.0)
+    monkeypatch.setattr(connect, "CONNECT", 1.0)
     assert draw("p_%02d.png", frames="0:40") == 0
-
-    def disturb() -> None:
-        wait_for(lambda: len(content("c_*.png")) >= 3, 60, "3 frames")
-        client.cluster.close()
-
-    thread = threading.Thread(target=disturb)
-    thread.start()
-    capsys.readouterr()
-    assert draw("c_%02d.png", *cluster, frames="0:40") == 2
-    thread.join()
+    with Way(client.scheduler.address) as way:
+        after_frame(3, way.cut, monkeypatch)
+        assert draw("c_%02d.png", "--cluster", way.address, frames="0:40") == 2
     told = capsys.readouterr().err
-    assert "raymarch: the connection to the scheduler is lost; what was drawn is kept (the same command again)" in told
+    lost = "raymarch: the connection to the scheduler is lost; what was drawn is kept (the same command again)"
+    assert lost in told and not caplog.records
     kept = len(content("c_*.png"))
     assert 3 <= kept < 40
     started = time.time_ns()

@@ -7,12 +7,13 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import psutil
 
@@ -79,6 +80,55 @@ class Processes:
         for process in (*self.nannies, self.scheduler):
             if process is not None:
                 end(process)
+
+
+class Way:
+    """A way to the address of a scheduler that can be cut, as if the scheduler were killed. A context manager."""
+
+    def __init__(self, address: str) -> None:
+        scheme, host = address.split("://")
+        name, port = host.rsplit(":", 1)
+        self._to = name, int(port)
+        self._door = socket.create_server(("127.0.0.1", 0))
+        self._ends: list[socket.socket] = []
+        self._threads: list[threading.Thread] = []
+        self.address = f"{scheme}://127.0.0.1:{self._door.getsockname()[1]}"
+
+    def _start(self, run: Callable[..., None], *arguments: Any) -> None:
+        self._threads.append(threading.Thread(target=run, args=arguments))
+        self._threads[-1].start()
+
+    def _accept(self) -> None:
+        with suppress(OSError):
+            while True:
+                here = self._door.accept()[0]
+                there = socket.create_connection(self._to)
+                self._ends += here, there
+                self._start(self._carry, here, there)
+                self._start(self._carry, there, here)
+
+    def _carry(self, here: socket.socket, there: socket.socket) -> None:
+        with suppress(OSError):
+            while found := here.recv(1 << 16):
+                there.sendall(found)
+        with suppress(OSError):
+            there.shutdown(socket.SHUT_RDWR)
+
+    def cut(self) -> None:
+        """End all connections, and accept no more."""
+        for each in (self._door, *self._ends):
+            with suppress(OSError):
+                each.shutdown(socket.SHUT_RDWR)
+            each.close()
+
+    def __enter__(self) -> Self:
+        self._start(self._accept)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.cut()
+        for thread in self._threads:
+            thread.join()
 
 
 def worker_of(nanny: subprocess.Popen[bytes]) -> int:
