@@ -244,6 +244,11 @@ def bound(params: Mapping[str, Any], time: float) -> Iterator[None]:
         _bound.stack.pop()
 
 
+def bound_values() -> tuple[Mapping[str, Any], float]:
+    """The values of parameters and the time that are bound."""
+    return _bound.stack[-1]
+
+
 def evaluator(
     roots: Sequence[Expr], inputs: Sequence[Expr], dtype: type[np.floating[Any]] = np.float64
 ) -> Callable[..., tuple[Array, ...]]:

@@ -4,27 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeAlias
+from functools import partial
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
-from raymarch.expr.arrays import bound, evaluator_of
+from raymarch.expr.arrays import Remembered, bound, bound_values, evaluator_of
 from raymarch.expr.convert import described, short
 from raymarch.expr.node import Expr
 from raymarch.expr.raw import without_twin
+from raymarch.expr.walk import find
 from raymarch.gpu.budget import LightPace
+from raymarch.gpu.camera_field import CameraField
 from raymarch.gpu.program import FULL_SCREEN, RAYS, Elements
 from raymarch.gpu.slices import Slice
-from raymarch.plan import OUTPUTS, Plan, marching, plan
+from raymarch.plan import OUTPUTS, Plan, lights, marching, plan
 from raymarch.plan.hoisting import with_hoisted
 from raymarch.plan.passes import DRAWN
 from raymarch.scene.camera import Pose
+from raymarch.scene.legal import violations
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.shader import Shader, assemble
 from raymarch.shader.assemble import assemble_effect
+
+Result = TypeVar("Result")
 
 Wanted: TypeAlias = str | Slice
 """An output of a frame: its name, or a view with the parameters of that output."""
@@ -38,7 +44,9 @@ class Prepared:
     texts : the fragment shader of each pass. vertex : the vertex shader of all passes.
     distance : the field in float64, a function of points relative to the plan's origin; returns a tuple of one array.
         None for a field without a CPU evaluation (raw GLSL).
-    rest : the same of the field that rays outside of all solids are marched through; None if it is the whole field.
+    at_camera : the same at the camera, for the uniforms of a frame.
+    sky : the harmonics of the sky for the bound parameters and time; None if the shader does not read them.
+    lights, balls : the rows of lights, and what they reach, likewise.
     constants : for each pass, the uniforms that replace numbers of its text, and their values.
     effects : the shader of each post effect, by the name of its pass.
     pace : the times of passes that add light.
@@ -49,10 +57,22 @@ class Prepared:
     texts: Mapping[str, str]
     vertex: str
     distance: Callable[..., tuple[Any, ...]] | None
+    at_camera: CameraField = field(compare=False)
+    sky: Remembered[Elements] | None = field(compare=False)
+    lights: Remembered[NDArray[np.float32]] | None = field(compare=False)
+    balls: Remembered[NDArray[np.float64]] | None = field(compare=False)
     constants: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    rest: Callable[..., tuple[Any, ...]] | None = None
     effects: Mapping[str, Shader] = field(default_factory=dict)
     pace: LightPace = field(default_factory=LightPace, compare=False)
+    _broken: dict[Any, list[str]] = field(default_factory=dict, compare=False, repr=False)
+
+    def violations(self, values: Values) -> list[str]:
+        """What values of parameters and time make illegal, one sentence each. Those of the last frame are kept."""
+        key = values.time, tuple(values.params.items())
+        if key not in self._broken:
+            self._broken.clear()
+            self._broken[key] = violations(self.plan.conditions, values)
+        return self._broken[key]
 
 
 def prepare(scene: Scene, outputs: Sequence[Wanted] = ("color",), size: tuple[int, int] | None = None) -> Prepared:
@@ -71,11 +91,29 @@ def assembled(made: Plan, part: bool = False) -> Prepared:
     texts = {chosen.name: effects.get(chosen.name, shader).text(chosen.name) for chosen in made.passes}
     vertex = RAYS if marching.interpolated(made.scene) else FULL_SCREEN
     start = made.seen or made.field
-    known = not without_twin(start.body)
-    distance = evaluator_of(start) if known else None
-    marched = made.analytic.rest
-    rest = evaluator_of(marched) if known and marched is not None else None
-    return Prepared(made, shader, texts, vertex, distance, rest=rest, effects=effects)
+    distance = None if without_twin(start.body) else evaluator_of(start)
+    given = made.scene
+    return Prepared(
+        made,
+        shader,
+        texts,
+        vertex,
+        distance,
+        CameraField(made),
+        _live(lambda now: Elements(given.sky.harmonics(now)), given.sky.expressions) if made.sky_light else None,
+        _live(partial(lights.rows, given), _last(lights.table(given).varied)) if made.lights_as_data else None,
+        _live(partial(lights.balls, given), _last(lights.table(given).moving)) if made.lights_in_cells else None,
+        effects=effects,
+    )
+
+
+def _live(make: Callable[[Values], Result], read: Sequence[Expr]) -> Remembered[Result]:
+    """A function of the parameters and time that some expressions read. make : of the values of a frame."""
+    return Remembered(lambda: make(Values(*bound_values())), find(read, "param", "time"))
+
+
+def _last(listed: Sequence[tuple[int, int, Expr]]) -> list[Expr]:
+    return [value for _, _, value in listed]
 
 
 def name_of(output: Wanted) -> str:
@@ -122,9 +160,10 @@ def frame_uniforms(
         "u_time": values.time,
         "u_origin": origin,
     }
-    uniforms |= _start(ready, values, pose.position, 1e-9 * uniforms["u_far"])
-    if ready.plan.sky_light:
-        uniforms["u_sky_light"] = Elements(scene.sky.harmonics(values))
+    uniforms |= ready.at_camera.uniforms(values, pose.position, 1e-9 * uniforms["u_far"])
+    if ready.sky is not None:
+        with bound(values.params, values.time):
+            uniforms["u_sky_light"] = ready.sky()
     if any(Slice.output in chosen.outputs for chosen in ready.plan.passes):
         own = next((output for output in outputs if isinstance(output, Slice)), None)
         uniforms |= (own or Slice.facing(ready.plan.given, given)).uniforms(origin)
@@ -133,27 +172,3 @@ def frame_uniforms(
         moving = twin is not None and twin.op == "time"
         uniforms[uniform] = values.time if moving else values.params[name if twin is None else twin.data.name]
     return uniforms
-
-
-def _start(ready: Prepared, values: Values, position: NDArray[Any], step: float) -> dict[str, Any]:
-    """The field at the camera, from which all rays start, evaluated in float64, once per frame.
-
-    step : length of the differences that give the gradient.
-
-    u_side is -1 inside the solid, else 1. u_start is the gradient and the value of the field, both times u_side. The
-    value is rounded down, so that float32 certifies no more than float64.
-    """
-    if ready.distance is None:
-        return {"u_side": 1.0, "u_start": (0.0, 0.0, 0.0, 0.0)}
-    with bound(values.params, values.time):
-        points = np.vstack([position, position + step * np.eye(3)])
-        found = np.broadcast_to(ready.distance(points)[0], 4)
-        side = -1.0 if found[0] < 0.0 else 1.0
-        if ready.rest is not None and side > 0.0:
-            found = np.broadcast_to(ready.rest(points)[0], 4)
-    with np.errstate(divide="ignore", invalid="ignore"):  # an empty solid is infinitely far away
-        gradient = side * (found[1:] - found[0]) / step
-    if not np.all(np.isfinite([*gradient, found[0]])):
-        return {"u_side": side, "u_start": (0.0, 0.0, 0.0, 0.0)}
-    value = side * found[0] * (1.0 - 1e-6) - 1e-6 * np.abs(position).max()
-    return {"u_side": side, "u_start": (*gradient, max(value, 0.0))}

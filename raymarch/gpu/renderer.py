@@ -30,11 +30,9 @@ from raymarch.gpu.program import in_pass
 from raymarch.gpu.resource_cache import ResourceCache
 from raymarch.gpu.tiles import WHOLE, draw_in_tiles
 from raymarch.gpu.unread import Unread, unread_of
-from raymarch.plan import lights
 from raymarch.plan.unused import unused
 from raymarch.scene.camera import Pose
 from raymarch.scene.fog import Fog
-from raymarch.scene.legal import violations
 from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.post import PostEffect
 from raymarch.scene.quality import MOST_SAMPLES, SINGLE_PASS, Quality
@@ -238,7 +236,7 @@ class Renderer:
         ready, history = self.prepared(scene, picture.outputs, picture.part), self.history
         complete = scene.quality.steps_per_pass is None or history.march.arrived
         complete = complete and (history.light.complete or "color" not in ready.texts)
-        broken = violations(ready.plan.conditions, values)
+        broken = ready.violations(values)
 
         def color_of(scene: Scene) -> NDArray[np.float32]:
             return render_for("color", scene, "alpha")[0]["color"].array("color")
@@ -383,10 +381,10 @@ class Renderer:
         effects = {each.name: each.effect.numbers(values) for each in plan.passes if each.effect is not None}
         with in_pass(*(chosen.name for chosen in plan.passes)), bound(values.params, values.time):
             uniforms.update({name: self.resources.texture(data) for name, data in ready.shader.samples.items()})
-            if plan.lights_as_data:
+            if ready.lights is not None:
                 facts = plan.scene.node.facts
-                balls = lights.balls(plan.scene, values) if plan.lights_in_cells else None
-                found = self.resources.lights(lights.rows(plan.scene, values), balls, facts.lower, facts.upper)
+                balls = None if ready.balls is None else ready.balls()
+                found = self.resources.lights(ready.lights(), balls, facts.lower, facts.upper)
                 uniforms.update(found.uniforms)
         return FrameInputs(uniforms, effects, found)
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.function import Function
 from raymarch.expr.node import Expr, expr, var
 from raymarch.expr.types import Type
@@ -86,7 +87,8 @@ class LightTable:
     their positions, from 1. headed : True if rows begin with a head, because the lights have several forms, or some
     cast shadows, have an area, or are cut by a horizon. fixed : the values that are constant, (lights, 4 texels).
     varied : the row, the first number and the expression of each other value. balls, moving : the same of what each
-    light reaches, (lights, 4). limited : number of lights that have such a ball.
+    light reaches, (lights, 4). limited : number of lights that have such a ball. rows_now, balls_now : the values of
+    `varied` and of `moving`, for the bound parameters and time.
     """
 
     forms: dict[Key, LightForm]
@@ -97,6 +99,8 @@ class LightTable:
     balls: NDArray[np.float64]
     moving: list[tuple[int, int, Expr]]
     limited: int
+    rows_now: Callable[[], Sequence[NDArray[Any]]]
+    balls_now: Callable[[], Sequence[NDArray[Any]]]
 
     @property
     def texels(self) -> int:
@@ -151,7 +155,8 @@ def _table(of: _Lights) -> LightTable:
                 else:
                     changing.append((i, first, value))
     limited = sum(light.reach is not None for light in of.lights)
-    return LightTable(found, ordered, head, fixed, varied, balls, moving, limited)
+    rows_now, balls_now = (evaluator([value for *_, value in listed], []) for listed in (varied, moving))
+    return LightTable(found, ordered, head, fixed, varied, balls, moving, limited, rows_now, balls_now)
 
 
 def _forms(lights: Sequence[Light]) -> dict[Key, LightForm]:
@@ -263,7 +268,7 @@ def rows(scene: Scene, values: Values) -> NDArray[np.float32]:
     none. The other texels hold the values of the form; see `layout`.
     """
     found = table(scene)
-    made = _evaluated(found.fixed, found.varied, values)
+    made = _evaluated(found.fixed, found.varied, found.rows_now, values)
     return made.astype(np.float32).reshape(len(made), -1, 4)
 
 
@@ -276,13 +281,18 @@ def balls(scene: Scene, values: Values) -> NDArray[np.float64]:
     """What the lights of one frame reach: centres and radii, shape (lights, 4). A light without a range has an infinite
     radius."""
     found = table(scene)
-    return _evaluated(found.balls, found.moving, values)
+    return _evaluated(found.balls, found.moving, found.balls_now, values)
 
 
 def _evaluated(
-    fixed: NDArray[np.float64], varied: Sequence[tuple[int, int, Expr]], values: Values
+    fixed: NDArray[np.float64],
+    varied: Sequence[tuple[int, int, Expr]],
+    now: Callable[[], Sequence[NDArray[Any]]],
+    values: Values,
 ) -> NDArray[np.float64]:
     made = fixed.copy()
-    for row, first, value in varied:
-        made[row, first : first + value.type.size] = values.of(value)
+    with bound(values.params, values.time):
+        found = now()
+    for (row, first, expression), value in zip(varied, found, strict=True):
+        made[row, first : first + expression.type.size] = value
     return made

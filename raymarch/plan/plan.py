@@ -125,7 +125,7 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
         """The user's line of each expression."""
         return self.hoist.origins
 
-    @property
+    @cached_property
     def parameters(self) -> dict[str, Spec]:
         """The parameters of the scene by name."""
         return self.scene.parameters
@@ -158,17 +158,17 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
         """
         return min(CONTACT, 1.0 / flatness(self.scene.node)) if self.refined else 1.0
 
-    @property
+    @cached_property
     def lights_as_data(self) -> bool:
         """True if the lights are rows of a texture rather than code."""
         return self.material is not None and lights.as_data(self.scene)
 
-    @property
+    @cached_property
     def lights_in_cells(self) -> bool:
         """True if a grid of cells finds the lights that reach a surface."""
         return self.lights_as_data and not self.standalone and lights.in_cells(self.scene)
 
-    @property
+    @cached_property
     def lights_split(self) -> bool:
         """True if several passes add a few samples of light each."""
         return any(p.lights for p in self.passes)
@@ -189,17 +189,21 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
 
         turns : the largest number of lights of a surface, if they are rows of a texture.
         """
-        scene = self.scene
-        if self.lights_as_data:
-            return self.occlusion_samples + turns * lights.stride(scene)
-        return self.occlusion_samples + sum(lights.samples_of(scene, light) for light in scene.lights)
+        occluded, most, every = self._light_counts
+        return occluded + (turns * most if self.lights_as_data else every)
+
+    @cached_property
+    def _light_counts(self) -> tuple[int, int, int]:
+        """Numbers of samples: of ambient occlusion, of the light that takes most, and of all lights if few."""
+        every = 0 if self.lights_as_data else sum(lights.samples_of(self.scene, x) for x in self.scene.lights)
+        return self.occlusion_samples, lights.stride(self.scene), every
 
     @property
     def compile_seconds(self) -> float:
         """Estimated seconds that a software renderer takes to compile the field and draw its first frame."""
         return compile_seconds(self.field)
 
-    @property
+    @cached_property
     def sky_light(self) -> bool:
         """True if the shader reads the spherical harmonics of the sky."""
         return self.material is not None and shading.ambient_sky(self.scene)
