@@ -7,7 +7,7 @@ import ctypes
 import io
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -18,6 +18,7 @@ from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
 from raymarch.window.constants import Constants
 from raymarch.window.news import Failed, Fault, Loaded, News, Started, Watching
+from raymarch.window.sent import packed, unpacked
 from raymarch.window.shot import progressive
 from raymarch.window.trials import Answer, Trials
 from raymarch.window.watch import Watch
@@ -61,11 +62,13 @@ class Reloader:
         self._watch.files([str(file.absolute())])
         self._known: list[str] = []
         self._known_for = file
+        self._first: dict[str, Any] = {}
         self._thread = threading.Thread(target=self._work, name="reload", daemon=True)
 
-    def start(self) -> None:
-        """Start watching. A first trial of the current scene finds further files to watch, and warms the shader of
-        clicks."""
+    def start(self, scene: Scene, read: Iterable[str]) -> None:
+        """Start watching. A first trial of the loaded scene warms the shader of clicks. read : the files that were read
+        when it was loaded."""
+        self._first = {"packed": packed(scene), "read": list(read)}
         self._watch.start()
         self._thread.start()
 
@@ -126,6 +129,7 @@ class Reloader:
             self._tell(Started(self.file))
         file = self.file
         known = {"constants": self._constants.as_json(), "clicks": self._clicks.as_json()}
+        known |= self._first if silent else {}
         answer = self._trials.run(str(file), self._params(), self.size, known, self._over)
         if answer is None or self._stopping.is_set():
             return  # a newer change
@@ -150,7 +154,7 @@ class Reloader:
 
     def _load_here(self, file: Path, answer: Answer) -> None:
         took = sum(answer["ms"].values()) * 1e-3
-        found = _guarded(lambda: _load(file, self.size), max(HERE_AT_LEAST, HERE_FACTOR * took))
+        found = _guarded(lambda: _load(file, self.size, answer["packed"]), max(HERE_AT_LEAST, HERE_FACTOR * took))
         if isinstance(found, RaymarchError):
             self._tell(Failed(Fault.of(found)))
         elif isinstance(found, BaseException):
@@ -164,10 +168,13 @@ class Reloader:
             self._tell(Loaded(scene, prepared, file, {**trial, **ms}))
 
 
-def _load(file: Path, size: tuple[int, int]) -> tuple[Scene, Prepared, dict[str, float]]:
+def _load(file: Path, size: tuple[int, int], sent: str | None) -> tuple[Scene, Prepared, dict[str, float]]:
+    """The scene that a trial sent; it is loaded here if it could not be sent."""
     start = time.perf_counter()
-    with contextlib.redirect_stdout(io.StringIO()):  # the trial has printed it already
-        scene = load(file)
+    scene = unpacked(sent)
+    if scene is None:
+        with contextlib.redirect_stdout(io.StringIO()):  # the trial has printed it already
+            scene = load(file)
     middle = time.perf_counter()
     prepared = prepare(progressive(scene), size=size)
     return scene, prepared, {"import": 1e3 * (middle - start), "plan": 1e3 * (time.perf_counter() - middle)}

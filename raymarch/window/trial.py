@@ -36,6 +36,7 @@ from raymarch.sdf import box, sphere
 from raymarch.window.constants import CLICKED, Constants
 from raymarch.window.news import Fault
 from raymarch.window.pace import scaled
+from raymarch.window.sent import packed, unpacked
 from raymarch.window.shot import progressive
 
 LINUX = sys.platform.startswith("linux")
@@ -99,8 +100,10 @@ def _die_with_parent() -> None:
 def examine(request: Answer, say: Callable[[Answer], None]) -> None:
     """Load, plan, compile and draw a scene file once, and report the result.
 
-    Answers {"id", "ok", "ms": {stage: milliseconds}, "files": [...], "error": {...} or None, "baked"}: `files` are the
-    user's that were read, `error` says what, legal, file and line, `baked` that no number may be a uniform.
+    Answers {"id", "ok", "ms": {stage: milliseconds}, "files": [...], "error": {...} or None, "baked", "packed"}:
+    `files` are the user's that were read, `error` says what, legal, file and line, `baked` that no number may be a
+    uniform, `packed` is the scene, see `raymarch.window.sent`. A request with "packed" and the "read" files is about
+    that scene.
     """
     number, scene = request["id"], request["scene"]
     sys.stdin = open(os.devnull)  # noqa: SIM115 - the requests are not for the scene file
@@ -111,11 +114,13 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
     times: dict[str, float] = {}
     error: Fault | None = None
     found: Scene | None = None
-    baked = False
+    baked, sent = False, None
     with recorded() as read:
+        read.update(dict.fromkeys(request.get("read", ())))
         try:
             with _limited_memory(), _timed(times, "import"):
-                found = progressive(load(scene))
+                base = unpacked(request.get("packed")) or load(scene)
+            found, sent = progressive(base), None if request.get("packed") else packed(base)
             size = tuple(request["size"])
             with _timed(times, "plan"):
                 ready, fresh = Constants(request["constants"]).fit(prepare(found, size=size))
@@ -133,7 +138,8 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
     inputs = (f for f in read if may_belong(f) and (os.path.isfile(f) or _is_missing(Path(f), main)))
     files = sorted({str(main), *inputs})  # a missing file may appear beside the scene
     described = None if error is None else asdict(error)
-    say({"id": number, "ok": error is None, "ms": times, "files": files, "error": described, "baked": baked})
+    told = {"ok": error is None, "ms": times, "files": files, "error": described, "baked": baked, "packed": sent}
+    say({"id": number, **told})
     if error is None and found is not None:
         with contextlib.suppress(RaymarchError):  # so that a click does not wait for the compiler
             ready, fresh = Constants(request["clicks"]).fit(prepare(found, CLICKED, size))

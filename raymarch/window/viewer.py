@@ -12,7 +12,7 @@ from types import FrameType
 from typing import Any, Self
 
 from raymarch.errors import RaymarchError, SceneError
-from raymarch.files import read_json, reading, written
+from raymarch.files import read_json, reading, recorded, written
 from raymarch.gpu.prepare import prepare
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.screen import Screen
@@ -107,7 +107,9 @@ class Viewer:
         stops: tuple[Stop, ...] = (),
         time: float | None = None,
     ) -> None:
-        state = opened(file, load(file), params or {}, size[0] / size[1])
+        with recorded() as self._read:
+            scene = load(file)
+        state = opened(file, scene, params or {}, size[0] / size[1])
         if settings is not None:
             saved = read_json("--settings", settings, SAVED_SETTINGS)
             with reading("--settings", settings, SAVED_SETTINGS):
@@ -174,7 +176,7 @@ class Viewer:
         Ctrl+C."""
         code = 1
         end = None if seconds is None else clock_time.perf_counter() + seconds
-        self.reloader.start()
+        self.reloader.start(self.model.state.base, self._read)
         try:
             with Interruption() as interrupt:
                 while not (self.window.closing or interrupt.asked or (end and clock_time.perf_counter() >= end)):

@@ -15,6 +15,7 @@ SCENE = """import raymarch as rm
 RADIUS = rm.Param("radius", 1.0, 0.5, 2.0)
 ball = rm.sphere(RADIUS).material(rm.Material(color="tomato", ambient=0, specular=0))
 floor = rm.box((4, 0.2, 4)).translate((0, -1.2, 0))
+open(__file__ + ".runs", "a").write("x")
 scene = rm.Scene(ball | floor, camera=rm.Camera((0, 1, 6), (0, 0, 0)), lights=[rm.Sun((0, 1, 6))])
 """
 TOMATO = (255, 99, 71)
@@ -60,6 +61,16 @@ def shown_panel(session: Session, *names: str) -> None:
             session.hand.click(*session.item(name))
             session.wait("items", lambda e, inside=inside: inside in e["at"], mark)
     session.hand.move(*BALL)
+
+
+def test_a_file_runs_once_for_each_edit(session: Session) -> None:
+    """And at the start, when a trial only warms shaders."""
+    runs = session.folder / "scene.py.runs"
+    assert runs.read_text() == "x"
+    for count, color in enumerate(("gold", "navy"), 2):
+        mark = session.save(SCENE.replace("tomato", color))
+        session.wait("loaded", since=mark)
+        assert len(runs.read_text()) == count
 
 
 def test_tab_never_reaches_the_fields_of_the_panel(session: Session) -> None:

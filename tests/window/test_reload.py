@@ -39,7 +39,7 @@ class Live:
         self.model = Model(opened(self.file, load(self.file), {}, 1.6))
         self._woken = threading.Event()
         self.reloader = Reloader(self.file, self._woken.set, dict, (64, 40), Constants(), Constants())
-        self.reloader.start()
+        self.reloader.start(self.model.state.base, [str(self.file)])
 
     def wait(self, kind: type[T]) -> T:
         """The next news of a kind; the model takes all of them."""
