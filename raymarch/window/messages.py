@@ -42,7 +42,8 @@ def messages_of(model: Model, now: float) -> list[Message]:
         messages += [Message(sentence, "busy", "bottom left") for sentence in broken]
     if model.trial is not None and now - model.trial[1] > PATIENT:
         file, since = model.trial
-        waits = f"{near(str(file))}: testing for {now - since:.0f} s (Esc stops it)"
+        doing = "a preview without shadows; compiling" if model.preview else "testing"
+        waits = f"{near(str(file))}: {doing} for {now - since:.0f} s (Esc stops it)"
         messages.append(Message(waits, "busy", "bottom left"))
     if model.drawn.lights is not None:
         some, every = model.drawn.lights

@@ -177,6 +177,7 @@ class Model:
     drawn, frame, plan, evaluations, frames, driver, compiled : what the views report: the last step; ms of the
         last complete sample; the plan; mean evaluations per pixel of a shot; the times of
         the last frames (scene, window, compile); the driver; the number of compiled programs.
+    preview : whether the picture is a preview, until the programs of the scene are compiled.
     requests : what commands leave to the main loop.
     changed_at : time of the last change of the picture, which is refined after it.
     """
@@ -205,6 +206,7 @@ class Model:
     frames: deque[tuple[float, float, float]] = field(default_factory=lambda: deque([(0.0, 0.0, 0.0)] * FRAMES, FRAMES))
     driver: str = ""
     compiled: int = 0
+    preview: bool = False
     requests: deque[Request] = field(default_factory=deque)
     changed_at: float = field(default_factory=clock_time.perf_counter)
 

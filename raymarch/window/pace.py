@@ -14,8 +14,11 @@ SMALLEST = 1 / 8
 
 LAST_STEP = round(math.log2(1 / SMALLEST) * STEPS_PER_HALVING)
 
-UNKNOWN = 1 / 4
-"""Scale of the first picture, from which the cost is estimated."""
+SLOW = 3.0
+"""A picture is slow if its smallest size takes longer than this many times the budget."""
+
+APART = 1.5
+"""Least factor between the pixels of two pictures whose times tell the fixed part from the part a pixel."""
 
 HEADROOM = 0.8
 """Target fraction of the budget; the rest is a margin for frames that cost more than the last one."""
@@ -37,8 +40,10 @@ BENT = 20
 class Pace:
     """Chooses the resolution of moving pictures so that each takes no longer than a budget.
 
-    The cost of a picture is modelled as proportional to its pixels, plus a fixed cost. Resolutions are quantized, so
-    that textures are not recreated for each frame.
+    The time of a picture is a part that all sizes take, and a part a pixel. Both are learned from pictures of different
+    sizes; the first is of the smallest size. Where the former takes most of the budget, smaller pictures are hardly
+    faster: the pixels may then take as long again. Resolutions are quantized, so that textures are not recreated for
+    each frame.
 
     budget : milliseconds that a frame may take.
     fixed : milliseconds of a frame without drawing the scene.
@@ -46,16 +51,21 @@ class Pace:
 
     budget: float = 33.0
     fixed: float = 0.0
+    _base: float = 0.0
     _per_pixel: float | None = None
-    _step: int = field(default=0)
+    _step: int = field(default=LAST_STEP)
+    _last: tuple[float, int] | None = None
+    _compared: bool = False
 
     def scale(self, size: tuple[int, int]) -> float:
         """The scale of width and height to draw now, from `SMALLEST` to 1."""
         if self._per_pixel is None:
-            return UNKNOWN
-        available = max(self.budget * HEADROOM - self.fixed, self.budget * 0.1)
+            return SMALLEST
+        available = max(self.budget * HEADROOM - self.fixed, self.budget * 0.1, 2.0 * self._base)
         pixels = size[0] * size[1]
         step = self._step
+        if not self._compared and step == LAST_STEP and self._cost(step, pixels) > available:
+            return _share(step - STEPS_PER_HALVING // 2)  # how much slower twice the pixels are
         if self._cost(step, pixels) > available / HEADROOM:
             while step < LAST_STEP and self._cost(step, pixels) > available:
                 step += 1
@@ -66,25 +76,40 @@ class Pace:
 
     def drawn(self, milliseconds: float, pixels: int) -> None:
         """Update the estimate from a picture of so many pixels."""
-        cost = milliseconds / max(pixels, 1)
-        if not math.isfinite(cost) or cost < 0:
+        if not math.isfinite(milliseconds) or milliseconds < 0:
             return
-        known = self._per_pixel
-        if known is None:
-            self._per_pixel = cost
-        elif cost > known:
-            self._per_pixel = min(cost, BELIEVED * known)
-        else:
-            self._per_pixel = known + RECOVERY * (cost - known)
+        pixels, known = max(pixels, 1), self._per_pixel
+        if known is not None:
+            milliseconds = min(milliseconds, BELIEVED * (self._base + known * pixels))
+        self._compare(milliseconds, pixels)
+        cost = max(milliseconds - self._base, 0.02 * milliseconds) / pixels
+        self._per_pixel = cost if known is None or cost > known else known + RECOVERY * (cost - known)
+
+    def _compare(self, milliseconds: float, pixels: int) -> None:
+        """Learn the part of the time that all sizes take, if the last picture had another size."""
+        before, other = self._last or (milliseconds, pixels)
+        if max(pixels, other) <= APART * min(pixels, other):
+            self._last = before + RECOVERY * (milliseconds - before), pixels
+            return
+        base = min(max((milliseconds * other - before * pixels) / (other - pixels), 0.0), milliseconds, before)
+        weight = 0.5 if self._compared else 1.0
+        self._base, self._last = self._base + weight * (base - self._base), (milliseconds, pixels)
+        if not self._compared:
+            self._compared, self._per_pixel = True, None
+            self._per_pixel = max(milliseconds - self._base, 0.02 * milliseconds) / pixels
+
+    def restart(self) -> None:
+        """Another program is drawn: what was learned of the times of the last one is forgotten."""
+        self._base, self._per_pixel, self._last, self._compared, self._step = 0.0, None, None, False, LAST_STEP
+
+    def slow(self, size: tuple[int, int]) -> bool:
+        """True if also the smallest picture of a size takes much longer than the budget."""
+        return self._per_pixel is not None and self._cost(LAST_STEP, size[0] * size[1]) > SLOW * self.budget
 
     def guess(self, milliseconds: float, pixels: int) -> None:
         """Estimate the cost of a moving picture from a still one, if no moving one was drawn yet."""
         if self._per_pixel is None:
             self.drawn(milliseconds, pixels)
-
-    def pixels(self, milliseconds: float) -> float:
-        """The number of pixels that can be drawn in a time."""
-        return 4096.0 if not self._per_pixel else milliseconds / self._per_pixel
 
     def other(self, milliseconds: float) -> None:
         """Update the fixed cost: the time of a frame without drawing the scene."""
@@ -92,7 +117,7 @@ class Pace:
 
     def _cost(self, step: int, pixels: int) -> float:
         assert self._per_pixel is not None
-        return self._per_pixel * pixels * _share(step) ** 2
+        return self._base + self._per_pixel * pixels * _share(step) ** 2
 
 
 @lru_cache(256)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time as clock_time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any
 
@@ -26,10 +26,21 @@ from raymarch.gpu.tiles import Tile
 from raymarch.gpu.unread import unread_of
 from raymarch.gpu.views import VIEWS, fill, scale_of
 from raymarch.gpu.views import picture as picture_of
+from raymarch.scene.scene import Scene
 from raymarch.window.model import Drawn
 from raymarch.window.pace import Pace, scaled
 from raymarch.window.reference import from_centre
-from raymarch.window.shot import Shot
+from raymarch.window.shot import Shot, preview
+
+FIRST_TILE = 256.0
+"""Pixels of the first tile of a still picture, whose time is not known."""
+
+LEAST_TILE = 64
+GROWTH = 2.0
+"""Least pixels of a tile, and how many times more or fewer than the last one it has."""
+
+BLOCK = 256
+"""Edge of the largest tile, in pixels."""
 
 
 @dataclass(slots=True)
@@ -38,6 +49,24 @@ class _Part:
 
     calls: list[DrawCall]
     tiles: list[Tile]
+    pixels: float = FIRST_TILE
+
+    def next(self) -> Tile:
+        """The next tile, which has about as many pixels as fit. A larger one is halved."""
+        while self.tiles[0][2] * self.tiles[0][3] > max(self.pixels, LEAST_TILE):
+            x, y, width, height = self.tiles.pop(0)
+            if width >= height:
+                half = (width + 1) // 2
+                self.tiles[:0] = [(x, y, half, height), (x + half, y, width - half, height)]
+            else:
+                half = (height + 1) // 2
+                self.tiles[:0] = [(x, y, width, half), (x, y + half, width, height - half)]
+        return self.tiles.pop(0)
+
+    def drawn(self, tile: Tile, milliseconds: float, wanted: float) -> None:
+        """Choose the size of the next tile by the time of this one."""
+        factor = wanted / max(milliseconds, 1e-3)
+        self.pixels = tile[2] * tile[3] * min(max(factor, 1.0 / GROWTH), GROWTH)
 
 
 class Picture:
@@ -60,17 +89,40 @@ class Picture:
         self._rest: list[_Part] | None = None
         self._drawing: list[DrawCall] = []
         self._done = self._pixels = 0
+        self._tile = FIRST_TILE
         self._spent = 0.0
         self._lights: tuple[int, int] | None = None
         self.scale: Scale | None = None
         """The colour scale of the view; None for views without one."""
         self.frame: float | None = None
         """Milliseconds of the last complete sample at full size; None before the first of a shot."""
+        self.compiling: Scene | None = None
+        """The scene whose programs another process compiles: its preview is drawn meanwhile."""
+        self.preview_pace = Pace(pace.budget)
+        self.longest = 0.0
+        """Milliseconds of the longest tile of the last still picture."""
+        self._previews: dict[int, tuple[Scene, Scene | None]] = {}
 
     @property
     def whole(self) -> bool:
         """True if the picture is fully refined."""
         return self.drawn.whole
+
+    @property
+    def resting(self) -> bool:
+        """True if nothing is left to draw now."""
+        return self._done > 0 if self.preview else self.drawn.whole
+
+    @property
+    def preview(self) -> bool:
+        """True if the preview of a scene is shown until its programs are compiled."""
+        return self.compiling is not None and self.shot is not None and self.shot.scene is not self.compiling
+
+    def preview_of(self, scene: Scene) -> Scene | None:
+        """The preview of a scene; the same one each time."""
+        if id(scene) not in self._previews:
+            self._previews = {id(scene): (scene, preview(scene))}
+        return self._previews[id(scene)][1]
 
     def step(self, shot: Shot, size: tuple[int, int], still: bool) -> bool:
         """Refine the canvas towards a shot at a size, for about the time of a frame. Returns False if it was complete.
@@ -78,28 +130,41 @@ class Picture:
         still : True if nothing has moved for a while, so that the picture may be refined.
         Raises the errors of `Renderer.draw_calls`; the canvas then keeps its content.
         """
+        if shot.scene is self.compiling:
+            shot = replace(shot, scene=self.preview_of(shot.scene) or shot.scene)
+        else:
+            self.compiling = None
         if not shot.same(self.shot) or self.canvas is None or self.canvas.size != size:
             self._coarse(shot, size)
             return True
-        if self.drawn.whole or not still:
+        if self.resting or not still:
             return False
         self._refine(shot, size)
         return True
 
     def _coarse(self, shot: Shot, size: tuple[int, int]) -> None:
         """Draw the complete shot at the resolution that fits the budget."""
-        small = scaled(size, self.pace.scale(size), self._scales(shot))
-        spent, compiled, draw_calls, share = self._sketch(shot, small)
+        if self._pixels > 0:
+            self.pace.guess(self._spent, self._pixels)
+        pace, cheap = self.pace, shot
+        if pace.slow(size) and (scene := self.preview_of(shot.scene)) is not None:
+            pace, cheap = self.preview_pace, replace(shot, scene=scene)
+            pace.budget, pace.fixed = self.pace.budget, self.pace.fixed
+        small = scaled(size, pace.scale(size), self._scales(cheap))
+        spent, compiled, draw_calls, share = self._sketch(cheap, small)
         if compiled == 0.0:  # the first draw of a program includes driver work
-            self.pace.drawn(spent / share, small[0] * small[1])
+            pace.drawn(spent / share, small[0] * small[1])
+        else:
+            pace.restart()
         if self.canvas is None or self.canvas.size != size:
             fresh = Target(self._renderer.context, size)
             if self.canvas is not None:
                 self.canvas.release()
             self.canvas = fresh
         self._put(shot, draw_calls, None)
-        self.shot, self._rest, self._pixels, self._done = shot, None, 0, 1 if small == size else 0
-        self.frame = spent if small == size and not compiled else None
+        complete = small == size and cheap is shot
+        self.shot, self._rest, self._pixels, self._done = shot, None, 0, 1 if complete else 0
+        self.frame = spent if complete and not compiled else None
         self._say(spent, small, compiled, moving=True)
 
     def _sketch(self, shot: Shot, size: tuple[int, int]) -> tuple[float, float, list[DrawCall], float]:
@@ -146,20 +211,24 @@ class Picture:
             self._fit(size)
             draw_calls = self._renderer.draw_calls(shot.scene, shot.time, shot.params, VIEWS[shot.view], shot.pose)
             compiled = sum(call.compile for call in draw_calls)
-            self._spent = 0.0
+            self._spent = self.longest = 0.0
             self._rest, self._drawing = self._parts(draw_calls), draw_calls
             self._pixels = 0
-        rest, start, spent = self._rest, clock_time.perf_counter(), 0.0
+        rest, start, spent, latest = self._rest, clock_time.perf_counter(), 0.0, 0.0
         part = rest[0]
         done: list[Tile] = []
-        while part.tiles and spent + spent / max(len(done), 1) <= self.pace.budget:  # the next one will fit
-            tile = part.tiles.pop(0)
+        while part.tiles and (not done or spent + 2.0 * latest <= self.pace.budget):  # the next one will fit
+            tile = part.next()
             for call in part.calls:
                 call.draw(tile)
             self._renderer.context.finish()
             done.append(tile)
             self._pixels += tile[2] * tile[3] * len(part.calls)
-            spent = 1e3 * (clock_time.perf_counter() - start)
+            before, spent = spent, 1e3 * (clock_time.perf_counter() - start)
+            latest = spent - before
+            self.longest = max(self.longest, latest)
+            part.drawn(tile, latest, self.pace.budget / 2)
+            self._tile = min(part.pixels, FIRST_TILE)
         last = len(rest) == 1
         if last and shot.view == "final" and self._done == 0:
             for tile in done:
@@ -178,21 +247,20 @@ class Picture:
         shot = self.shot
         assert shot is not None
         wanted = max(self.samples, shot.samples) if shot.view == "final" else 1
-        whole = self._done >= wanted
+        whole = self._done >= wanted and not self.preview
         sizes = [] if self._rest is None else [call.target.size for call in self._drawing]
         sample = self._pixels / max(sum(width * height for width, height in sizes), 1) if sizes else 0.0
         share = 1.0 if whole else (self._done + sample) / wanted
         self.drawn = Drawn(spent, size, whole, moving, compiled, self._done, wanted, share, self._lights)
 
     def _parts(self, draw_calls: list[DrawCall]) -> list[_Part]:
-        """The tiles of passes, each of which takes about half of the budget, from the centre outwards.
+        """The tiles of passes, from the centre outwards.
 
         Passes that add lights are drawn together, so that finished tiles are shown at once.
         """
-        edge = int(np.clip(np.sqrt(self.pace.pixels(self.pace.budget / 2)), 16, 512))
         groups = groupby(draw_calls, key=lambda call: bool(call.chosen.lights) or id(call))
         parts = [list(group) for _, group in groups]
-        return [_Part(calls, from_centre(calls[0].target.size, edge)) for calls in parts]
+        return [_Part(calls, from_centre(calls[0].target.size, BLOCK), self._tile) for calls in parts]
 
     def _fit(self, size: tuple[int, int]) -> None:
         if self._renderer.size != size:

@@ -63,12 +63,16 @@ class Reloader:
         self._known: list[str] = []
         self._known_for = file
         self._first: dict[str, Any] = {}
+        self._compile = False
         self._thread = threading.Thread(target=self._work, name="reload", daemon=True)
 
-    def start(self, scene: Scene, read: Iterable[str]) -> None:
-        """Start watching. A first trial of the loaded scene warms the shader of clicks. read : the files that were read
-        when it was loaded."""
-        self._first = {"packed": packed(scene), "read": list(read)}
+    def start(self, scene: Scene, read: Iterable[str], compile: bool = False) -> None:
+        """Start watching. A first trial of the loaded scene warms the shader of clicks.
+
+        read : the files that were read when it was loaded. compile : whether the trial compiles the scene, which is
+        then reported as a change is.
+        """
+        self._first, self._compile = {"packed": packed(scene), "read": list(read)}, compile
         self._watch.start()
         self._thread.start()
 
@@ -113,15 +117,16 @@ class Reloader:
             if self._stopping.is_set():
                 return
             try:
-                self._once(silent=first)
+                self._once(silent=first and not self._compile, first=first)
             except Exception as fault:  # an internal error must not stop live reload
                 self._tell(Failed(Fault(f"a fault of raymarch: {type(fault).__name__}: {fault}")))
             finally:
                 self.busy_since = None
             first = False
 
-    def _once(self, silent: bool) -> None:
-        """Run one trial and handle its result; `silent` for the scene that is already visible."""
+    def _once(self, silent: bool, first: bool) -> None:
+        """Run one trial and handle its result; `silent` for the scene that is already visible, `first` for the one that
+        the window loaded."""
         self._interrupted.clear()
         self._silent = silent
         self.busy_since = time.monotonic()
@@ -129,7 +134,7 @@ class Reloader:
             self._tell(Started(self.file))
         file = self.file
         known = {"constants": self._constants.as_json(), "clicks": self._clicks.as_json()}
-        known |= self._first if silent else {}
+        known |= self._first if first else {}
         answer = self._trials.run(str(file), self._params(), self.size, known, self._over)
         if answer is None or self._stopping.is_set():
             return  # a newer change
@@ -141,7 +146,7 @@ class Reloader:
         elif silent:
             self._tell(Watching(tuple(self._known)))
         else:
-            self._load_here(file, answer)
+            self._load_here(file, {**answer, "packed": answer["packed"] or known.get("packed")})
 
     def _over(self) -> str | None:
         """The reason to end the running trial; None to continue."""

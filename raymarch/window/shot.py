@@ -29,6 +29,22 @@ def progressive(scene: Scene) -> Scene:
     return scene if made == quality else scene.replace(quality=made)
 
 
+DRAFT = {"tracer": "plain", "max_steps": 64, "epsilon": 1.0}
+"""The quality of a preview."""
+
+
+def preview(scene: Scene) -> Scene | None:
+    """A cheap picture of a scene, which shows its shapes and materials: no shadows, reflections and ambient occlusion,
+    and few steps. None if the scene has none of these but hard shadows, and so little is saved.
+
+    scene : as `progressive` gives it.
+    """
+    if scene.bounces == 0 and scene.occlusion is None and not any(light.soft for light in scene.lights):
+        return None
+    lights = [light.replace(shadow=False) if light.shadow else light for light in scene.lights]
+    return scene.replace(lights=lights, occlusion=None, bounces=0, quality=scene.quality.replace(**DRAFT))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Shot:
     """The inputs of a picture: a change of any of them makes a new picture."""

@@ -36,6 +36,7 @@ from raymarch.window.panel import Panel
 from raymarch.window.pick import Inquiry, picked
 from raymarch.window.picture import Picture
 from raymarch.window.reload import Reloader
+from raymarch.window.shot import preview
 from raymarch.window.state import SAVED_SETTINGS, opened
 from raymarch.window.surface import Window
 
@@ -118,12 +119,17 @@ class Viewer:
             state.timeline = state.timeline.scrub(time)
         self.model = Model(state, budget, samples, stops or preset_stops(), size=size)
         self._constants, self._clicks, self._edited = Constants(), Constants(), Constants()
-        ready, _ = self._constants.fit(prepare(state.progressive, size=size))
         self.model.log = Log(log)
+        rough = preview(state.progressive)
+        ready = prepare(rough or state.progressive, size=size)
+        if rough is None:
+            ready, _ = self._constants.fit(ready)
         self.window = Window(size, _title(file))
         try:
             self._open(size, panel)
-            self.renderer.adopt(state.progressive, ready)
+            if rough is not None:  # a trial compiles the scene itself
+                self.picture.compiling, rough = state.progressive, self.picture.preview_of(state.progressive)
+            self.renderer.adopt(rough or state.progressive, ready)
             self._first()
         except BaseException:
             self.window.release()
@@ -176,7 +182,7 @@ class Viewer:
         Ctrl+C."""
         code = 1
         end = None if seconds is None else clock_time.perf_counter() + seconds
-        self.reloader.start(self.model.state.base, self._read)
+        self.reloader.start(self.model.state.base, self._read, compile=self.picture.compiling is not None)
         try:
             with Interruption() as interrupt:
                 while not (self.window.closing or interrupt.asked or (end and clock_time.perf_counter() >= end)):
@@ -226,7 +232,7 @@ class Viewer:
         """How long to wait for the next event."""
         model, line = self.model, self.model.state.timeline
         busy = (model.state.animated and line.playing) or model.sequence is not None or bool(model.requests)
-        if busy or not self.picture.whole or not self._comparison.whole(model) or any(self._speeds()):
+        if busy or not self.picture.resting or not self._comparison.whole(model) or any(self._speeds()):
             return max(0.0, SHORTEST - (clock_time.perf_counter() - self._at))
         return IDLE
 
@@ -275,7 +281,9 @@ class Viewer:
         """Note in the model what was drawn."""
         model, shot = self.model, self.model.state.shot()
         model.drawn, model.frame, model.compiled = self.picture.drawn, self.picture.frame, self.renderer.compiled
-        model.plan = self.renderer.prepared(shot.scene, VIEWS[shot.view]).plan
+        model.preview = self.picture.preview
+        if not model.preview:
+            model.plan = self.renderer.prepared(shot.scene, VIEWS[shot.view]).plan
 
     def _present(self) -> None:
         """Show the picture with panel and messages."""
@@ -315,6 +323,7 @@ class Viewer:
     def _tell_frame(self) -> None:
         drawn = self.picture.drawn
         facts = {"size": drawn.size, "whole": drawn.whole, "moving": drawn.moving, "samples": drawn.samples}
+        facts |= {"preview": self.picture.preview, "tile": round(self.picture.longest, 2)}
         times = {"ms": round(drawn.milliseconds, 2), "rest": round(self._rest, 2)}
         self.model.say("frame", n=self._frames, compiled=self.renderer.compiled, **facts, **times)
 

@@ -138,3 +138,25 @@ def test_time_loops() -> None:
     assert np.isclose(Timeline(time=1.0, speed=-1.0, loop=(1.0, 3.0)).advance(0.5).time, 2.5)
     assert clock.looping((2.0, 2.0)).loop is None
     assert clock.looping(None).advance(10).time == 11.0
+
+
+@pytest.mark.parametrize("base", [40.0, 60.0, 90.0])
+def test_a_picture_is_not_shrunk_where_that_hardly_helps(base: float) -> None:
+    """A turning torus in a software renderer: 60 ms whatever the size, and 4 ms for a tenth of the width."""
+    pace = Pace(33.0)
+    share = 0.0
+    for _ in range(25):
+        share = pace.scale(SIZE)
+        width, height = scaled(SIZE, share)
+        spent = base + 400.0 * width * height / (SIZE[0] * SIZE[1])
+        pace.drawn(spent, width * height)
+    assert 1.4 * base <= spent <= 2.2 * base and share >= 2 * SMALLEST
+
+
+def test_a_slow_picture_is_known_as_slow() -> None:
+    for full, slow in ((3000.0, False), (9000.0, True)):
+        pace = Pace(33.0)
+        frames(pace, lambda _, pixels, full=full: full * pixels / (SIZE[0] * SIZE[1]), 5)
+        assert pace.slow(SIZE) == slow
+        pace.restart()
+        assert not pace.slow(SIZE) and pace.scale(SIZE) == SMALLEST

@@ -15,8 +15,9 @@ from raymarch.gpu.views import VIEWS, scale_of
 from raymarch.gpu.views import picture as picture_of
 from raymarch.scene.camera import look_at
 from raymarch.window.pace import Pace
-from raymarch.window.picture import Picture
-from raymarch.window.shot import Shot, progressive
+from raymarch.window.picture import Picture, _Part
+from raymarch.window.reference import from_centre
+from raymarch.window.shot import Shot, preview, progressive
 from tests.support.window_driver import alike
 
 SIZE = (80, 48)
@@ -151,3 +152,66 @@ def test_a_post_effect_follows_the_coarse_picture_and_the_refined_one(renderer: 
     finally:
         picture.release()
         screen.release()
+
+
+def test_a_slow_picture_moves_as_a_preview(renderer: rm.Renderer) -> None:
+    """Without shadows; still, it is the picture itself, in tiles that replace the preview from the centre."""
+    lamp = rm.Sun((1, 0.3, -0.2), intensity=3, shadow=True, softness=0.2)
+    scene = progressive(rm.Scene(rm.sphere(1) | rm.plane(offset=-1), CAMERA, lights=[lamp]))
+    cheap = preview(scene)
+    assert cheap is not None and not any(light.shadow for light in cheap.lights) and cheap.node is scene.node
+    screen = Screen(renderer.context, SIZE)
+    picture = Picture(renderer, screen, Pace(budget=1.0))
+
+    def colors(of: rm.Scene, moved: float, size: tuple[int, int]) -> np.ndarray:
+        with rm.Renderer(size) as other:
+            return other.render(of, pose=shot_of(of, moved=moved).pose).color
+
+    def shown() -> np.ndarray:
+        assert picture.canvas is not None
+        return picture.canvas.read()[..., :3]
+
+    try:
+        picture.pace.drawn(1e6, 1)
+        assert picture.pace.slow(SIZE)
+        for moved in (0.1, 0.2):
+            picture.step(shot_of(scene, moved=moved), SIZE, still=False)
+        assert not picture.whole and not picture.preview
+        without, with_shadows = (colors(of, 0.2, picture.drawn.size).mean() for of in (cheap, scene))
+        assert abs(shown().mean() - without) < 0.3 * abs(with_shadows - without)
+        while picture.step(shot_of(scene, moved=0.2), SIZE, still=True):
+            pass
+        apart = np.abs(shown() - colors(scene, 0.2, SIZE)).max(axis=-1)
+        assert picture.whole and np.mean(apart > 1 / 255) < 1e-3
+
+        # While another process compiles the scene, its preview is drawn, moving and still, and is not the whole.
+        picture.compiling = scene
+        while picture.step(shot_of(scene, moved=0.3), SIZE, still=True):
+            pass
+        assert picture.preview and picture.resting and not picture.whole
+        apart = np.abs(shown() - colors(cheap, 0.3, SIZE)).max(axis=-1)
+        assert np.mean(apart > 1 / 255) < 1e-3
+    finally:
+        picture.release()
+        screen.release()
+
+
+def test_a_scene_without_expensive_light_has_no_preview() -> None:
+    assert preview(rm.Scene(rm.sphere(), lights=[rm.Sun(shadow=True)])) is None
+    assert preview(rm.Scene(rm.sphere(), occlusion=rm.AmbientOcclusion())) is not None
+
+
+def test_tiles_follow_the_time_of_the_last_one() -> None:
+    """Each pixel is drawn once; after two tiles none takes three times the budget, also where a pixel takes fifty
+    times as long as elsewhere, and there are no more of them than necessary."""
+    size, budget = (640, 360), 16.0
+    seen, times = np.zeros(size[::-1], int), []
+    part = _Part([], from_centre(size, 256))
+    while part.tiles:
+        x, y, width, height = tile = part.next()
+        seen[y : y + height, x : x + width] += 1
+        slow = np.hypot(np.arange(x, x + width)[None, :] - 320, np.arange(y, y + height)[:, None] - 180) < 90
+        times.append(float(np.sum(np.where(slow, 1.0, 0.02)) * 1e-2))
+        part.drawn(tile, times[-1], budget / 2)
+    assert np.all(seen == 1) and max(times[2:]) <= 3.0 * budget
+    assert len(times) < 4 * sum(times) / budget

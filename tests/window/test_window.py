@@ -85,6 +85,22 @@ def test_the_window_shows_what_render_draws_at_every_size(view: View) -> None:
     assert session.events()[-1]["event"] == "closed"
 
 
+def test_a_scene_that_compiles_for_long_is_shown_as_a_preview_first(view: View) -> None:
+    """Meanwhile another process compiles it; then the window shows what render draws."""
+    text = SCENE.replace("    camera=", "    lights=[rm.Sun((1, 2, 1), shadow=True, softness=0.3)],\n    camera=")
+    session = view(text, "--size", "200x120")
+    events = session.events()
+    first = next(e for e in events if e["event"] == "frame")
+    assert first["preview"] and not first["whole"]
+    assert [e["event"] for e in events if e["event"] in ("reloading", "loaded")] == ["reloading", "loaded"]
+    namespace: dict[str, rm.Scene] = {}
+    seen = session.settled()
+    exec(text, namespace)
+    assert alike(seen, np.asarray(rm.render(namespace["scene"], (200, 120))).astype(int))
+    session.hand.close_window()
+    assert session.end() == 0 and session.complaints() == ""
+
+
 def test_windows_of_one_pixel_across_live(view: View) -> None:
     """With the panel, whose parts have no room, and after a change of size."""
     session = view(SCENE, "--size", "1x300", "--samples", "2")
