@@ -122,6 +122,18 @@ SPECIMENS: dict[str, Callable[[], Node]] = {
     "death_star": lambda: rm.death_star().rotate(0.7, "x"),
     "implicit_solid": lambda: rm.implicit(tangle, 2.6),
     "round": lambda: brick().round(0.25),
+    "polygon": lambda: rm.polygon(((-0.9, -0.7), (0.8, -0.5), (0.9, 0.6), (0.1, 0.0), (-0.6, 0.8))),
+    "polyline": lambda: rm.polyline(((-0.9, -0.5), (-0.3, 0.6), (0.2, -0.3), (0.9, 0.4))),
+    "polyline_tube": lambda: rm.polyline_tube(
+        ((-0.8, -0.6, 0.3), (-0.3, 0.5, -0.3), (0.2, -0.3, -0.2), (0.8, 0.5, 0.4))
+    ),
+    "flat_triangle": lambda: rm.flat_triangle((-0.8, -0.6), (0.9, -0.4), (0.1, 0.8)),
+    "triangle": lambda: rm.triangle((-0.9, -0.7, 0.2), (0.9, -0.6, -0.1), (0.0, 0.8, 0.1)),
+    "quad": lambda: rm.quad((-0.8, -0.6, 0.1), (0.8, -0.6, 0.1), (0.6, 0.7, -0.1), (-0.6, 0.7, -0.1)),
+    "stroke": lambda: rm.stroke((-0.7, -0.4), (0.7, 0.5)),
+    "line": lambda: rm.line((-0.6, -0.5, -0.2), (0.6, 0.6, 0.3)),
+    "bezier": lambda: rm.bezier((-0.8, -0.5), (0.0, 1.2), (0.8, -0.3)),
+    "bezier_tube": lambda: rm.bezier_tube((-0.8, -0.5, 0.2), (0.1, 1.1, -0.6), (0.8, -0.4, 0.3)),
     "shell": lambda: brick().shell(0.15) - rm.box(2).translate((0.7, 0.8, 1)),
 }
 """A specimen of each operator, by the name of its definition, and further ones, by that name and a word; shapes are
@@ -170,7 +182,7 @@ def draw(node: Node, renderer: rm.Renderer) -> Image.Image:
     shown = solid(node)
     scene = rm.Scene(
         shown if shown.labelled else shown.material(PAINT),
-        camera=rm.Camera.framing(shown, direction=tuple(VIEW), fov=26, aspect=SIZE[0] / SIZE[1]),
+        camera=rm.Camera.framing(shown, view_from=tuple(VIEW), fov=26, aspect=SIZE[0] / SIZE[1]),
         lights=LIGHTS,
         sky=SKY,
         occlusion=rm.AmbientOcclusion(reach=0.3),
@@ -252,7 +264,7 @@ def page() -> str:
         "",
         "After this page you can choose a shape or an operator by its picture, call and facts. `help(rm.NAME)`",
         "documents one. To find one by its name in other tools, see [names](names.md). A call that starts with a",
-        "point is a method of any node: `rm.box().twist(rate=1.0)`.",
+        "point is a method of any node: `rm.box(1).twist(rate=1.0)`.",
         "",
         "The facts are those of the node in the picture: its exactness, its divisor, and the extents of its bounding",
         "box, with ∞ where it is unbounded. A field that is steeper than 1 is divided by its Lipschitz constant, the",

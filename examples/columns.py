@@ -13,7 +13,7 @@ floor = rm.plane(offset=-2.3).material(rm.Material(color=(0.3, 0.25, 0.2)))
 scene = rm.Scene(
     hall | floor,
     camera=rm.Camera(position=(gap / 2, 0.3, -gap * rm.time), target=(gap / 2 + 1, 0, -gap * rm.time - 4), fov=60),
-    lights=[rm.Sun(direction=(-1, 2, 1), shadow=True)],
+    lights=[rm.Sun(sun_direction=(-1, 2, 1), shadow=True)],
     sky=(0.4, 0.52, 0.66),
     fog=rm.Fog(density=0.03),
 )

@@ -12,6 +12,6 @@ red, green = rm.Material(color=(0.85, 0.15, 0.1), shininess=80), rm.Material(col
 scene = rm.Scene(
     body.material(red) - bars.material(green),
     camera=rm.Camera(position=(2.2, 1.8, 2.8), target=(0, 0, 0)),
-    lights=[rm.Sun(direction=(1, 2, 1.5)), rm.PointLight(position=(-3, 2, 4), intensity=8)],
+    lights=[rm.Sun(sun_direction=(1, 2, 1.5)), rm.PointLight(position=(-3, 2, 4), intensity=8)],
     sky=(0.93, 0.94, 0.96),
 )

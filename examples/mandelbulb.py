@@ -25,7 +25,7 @@ scene = rm.Scene(
         target=mix(vec3(0, -0.05, 0), vec3(0, -0.15, 0), horizon),
         fov=45,
     ),
-    lights=[rm.Sun(direction=(1.5, 2, 0.4), color=(1, 0.95, 0.88), intensity=1.8, shadow=True)],
+    lights=[rm.Sun(sun_direction=(1.5, 2, 0.4), color=(1, 0.95, 0.88), intensity=1.8, shadow=True)],
     sky=rm.Sky(lambda d: 0.6 * mix(haze, vec3(0.3, 0.5, 0.9), max(d.y, 0.0)), light=True),
     fog=rm.Fog(color=0.6 * haze, density=0.008),
 )

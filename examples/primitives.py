@@ -53,7 +53,7 @@ scene = rm.Scene(
         target=mix(vec3(0, 0.2, -0.1), vec3(-0.1, 0.9, 0), horizon),
         fov=42,
     ),
-    lights=[rm.Sun(direction=(-1.2, 2, 0.9), color=(1, 0.94, 0.85), intensity=1.4, shadow=True)],
+    lights=[rm.Sun(sun_direction=(-1.2, 2, 0.9), color=(1, 0.94, 0.85), intensity=1.4, shadow=True)],
     sky=rm.GradientSky(light=True),
     fog=rm.Fog(density=0.004),
 )

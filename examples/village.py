@@ -91,7 +91,7 @@ scene = rm.Scene(
         target=mix(vec3(-0.2, 0, -1.6), vec3(-0.3, 1.9, 0), horizon),
         fov=38,
     ),
-    lights=[rm.Sun(direction=(1.2, 1.6, 1.1), color=(1, 0.93, 0.8), intensity=1.15, shadow=True)],
+    lights=[rm.Sun(sun_direction=(1.2, 1.6, 1.1), color=(1, 0.93, 0.8), intensity=1.15, shadow=True)],
     sky=rm.GradientSky(),
     fog=rm.Fog(density=0.004),
 )

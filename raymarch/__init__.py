@@ -2,7 +2,7 @@
 
 import raymarch as rm
 
-rm.render(rm.Scene(rm.box() - rm.sphere(0.65))).save("hello.png")
+rm.render(rm.Scene(rm.box(1) - rm.sphere(0.65))).save("hello.png")
 """
 
 from __future__ import annotations

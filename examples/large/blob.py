@@ -23,6 +23,6 @@ def part(i):
 scene = rm.Scene(
     rm.union(*[part(i) for i in range(N)], k=0.25),
     camera=rm.Camera(position=(19, 22, 40), target=(0, 0, 0), fov=36),
-    lights=[rm.Sun(direction=(0.4, 0.9, 0.5), shadow=True)],
+    lights=[rm.Sun(sun_direction=(0.4, 0.9, 0.5), shadow=True)],
     sky=rm.GradientSky(light=True),
 )

@@ -23,7 +23,7 @@ street = rm.plane().material(rm.Material(albedo=(0.09, 0.09, 0.1), roughness=0.9
 scene = rm.Scene(
     street | towers,
     camera=rm.Camera(position=(-9, 7, 26), target=(0, 0.5, 0), fov=40),
-    lights=[rm.Sun(direction=(-0.8, 0.6, 0.4), intensity=1.7, color=(1.0, 0.92, 0.8), shadow=True)],
+    lights=[rm.Sun(sun_direction=(-0.8, 0.6, 0.4), intensity=1.7, color=(1.0, 0.92, 0.8), shadow=True)],
     sky=rm.GradientSky(light=True),
     fog=rm.Fog(density=0.007),
 )

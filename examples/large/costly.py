@@ -39,6 +39,6 @@ floor = rm.plane(offset=-0.05).material(rm.Material(color=(0.12, 0.2, 0.22), spe
 scene = rm.Scene(
     rm.union(floor, *solids),
     camera=rm.Camera(position=(2.2, 3.2, 5.2), target=(0.1, 0.2, -1.9), fov=42),
-    lights=[rm.Sun(direction=(0.6, 1.0, 0.5), shadow=True)],
+    lights=[rm.Sun(sun_direction=(0.6, 1.0, 0.5), shadow=True)],
     sky=rm.Sky((0.62, 0.72, 0.85)),
 )

@@ -44,7 +44,7 @@ ground = rm.plane().material(rm.Material(color=(0.3, 0.33, 0.18), specular=0.0))
 scene = rm.Scene(
     ground | firs | broads | rocks,
     camera=rm.Camera(position=(0, 9, 60), target=(0, 1, 25)),
-    lights=[rm.Sun(direction=(0.5, 0.6, 0.4), shadow=True)],
+    lights=[rm.Sun(sun_direction=(0.5, 0.6, 0.4), shadow=True)],
     sky=rm.GradientSky(),
     fog=rm.Fog(density=0.003),
 )

@@ -83,7 +83,7 @@ sticks = rm.instances(thick, matrices(length[:, None, None] * turn, at[one] + 0.
 scene = rm.Scene(
     balls | sticks,
     camera=rm.Camera(position=(-30, 18, 150), target=(-4, -1, 0), fov=30),
-    lights=[rm.Sun(direction=(0.4, 0.9, 0.65), intensity=1.2, shadow=True)],
+    lights=[rm.Sun(sun_direction=(0.4, 0.9, 0.65), intensity=1.2, shadow=True)],
     sky=rm.Sky((0.06, 0.09, 0.14), light=True),
     occlusion=rm.AmbientOcclusion(reach=3.0),
 )

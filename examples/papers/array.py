@@ -31,7 +31,7 @@ def at(k):
 scene = rm.Scene(
     rm.union(*(at(k) for k in range(20))) | rm.plane().material(rm.Material(albedo=(0.5, 0.5, 0.52), roughness=0.8)),
     camera=rm.Camera(position=(0, 4.6, 7.6), target=(0, 0.25, 0.15), fov=27),
-    lights=[rm.Sun(direction=(-0.6, 1.4, 0.8), shadow=True)],
+    lights=[rm.Sun(sun_direction=(-0.6, 1.4, 0.8), shadow=True)],
     sky=rm.GradientSky(light=True),
     occlusion=rm.AmbientOcclusion(reach=0.3),
     fog=rm.Fog(density=0.01),

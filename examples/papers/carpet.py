@@ -49,7 +49,7 @@ ball = rm.sphere(0.3).translate((0.75, 0.4, -0.55)).material(clay)
 scene = rm.Scene(
     carpet | floor | ball,
     camera=rm.Camera(position=(1.7, 1.5, 2.9), target=(0.05, 0, 0.1), fov=42),
-    lights=[rm.Sun(direction=(-1, 0.6, 0.3), color=(1, 0.93, 0.8), intensity=1.6, shadow=True, softness=0.03)],
+    lights=[rm.Sun(sun_direction=(-1, 0.6, 0.3), color=(1, 0.93, 0.8), intensity=1.6, shadow=True, softness=0.03)],
     sky=rm.GradientSky(light=True),
     occlusion=rm.AmbientOcclusion(reach=0.08),
     quality=rm.Quality(samples=4),

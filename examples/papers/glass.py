@@ -22,7 +22,7 @@ solids = [
 scene = rm.Scene(
     rm.union(*solids) | rm.plane().material(tiles),
     camera=rm.Camera(position=(0.4, 1.9, 4.6), target=(-0.1, 0.45, 0), fov=38),
-    lights=[rm.Sun(direction=(-0.5, 1, 0.6), shadow=True)],
+    lights=[rm.Sun(sun_direction=(-0.5, 1, 0.6), shadow=True)],
     sky=rm.GradientSky(),
     bounces=8,
     quality=rm.Quality(samples=64),

@@ -11,7 +11,7 @@ bulb = rm.mandelbulb(power=4).rotate(0.5, "y").rotate(0.35, "x").material(bronze
 scene = rm.Scene(
     bulb,
     camera=rm.Camera(position=(0, 0.5, 2.9), target=(0, 0, 0), fov=45),
-    lights=[rm.Sun(direction=(1, 1.2, 0.8), color=(1, 0.95, 0.85), intensity=2, shadow=True)],
+    lights=[rm.Sun(sun_direction=(1, 1.2, 0.8), color=(1, 0.95, 0.85), intensity=2, shadow=True)],
     sky=rm.GradientSky(light=True),
     occlusion=rm.AmbientOcclusion(steps=6, reach=0.3),
 )

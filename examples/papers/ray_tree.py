@@ -24,7 +24,7 @@ solids = [
 scene = rm.Scene(
     rm.union(*solids) | rm.plane().material(stone),
     camera=rm.Camera(position=(0.2, 2.1, 4.8), target=(-0.15, 0.4, 0), fov=36),
-    lights=[rm.Sun(direction=(-0.5, 1, 0.6), shadow=True)],
+    lights=[rm.Sun(sun_direction=(-0.5, 1, 0.6), shadow=True)],
     sky=rm.GradientSky(light=True),
     fog=rm.Fog(density=0.015),
     bounces=4,

@@ -14,7 +14,7 @@ floor = rm.plane(offset=-0.5).material(rm.Material(albedo=(0.55, 0.55, 0.5), rou
 scene = rm.Scene(
     rm.union(ball, cube, k=k) | floor,
     camera=rm.Camera(position=(2.2, 1.9, 2.8), target=(0, 0.15, 0), fov=40),
-    lights=[rm.Sun(direction=(0.4, 1.2, 0.9), shadow=True, softness=0.06)],
+    lights=[rm.Sun(sun_direction=(0.4, 1.2, 0.9), shadow=True, softness=0.06)],
     sky=rm.GradientSky(light=True),
     occlusion=rm.AmbientOcclusion(reach=0.4),
 )

@@ -17,7 +17,9 @@ white = rm.Material(albedo=(0.8, 0.78, 0.74), roughness=0.7)
 scene = rm.Scene(
     (solids | rm.plane()).material(white),
     camera=rm.Camera(position=(0.5, 4, 5.4), target=(0.2, 0.5, 0), fov=40),
-    lights=[rm.Sun(direction=(1.2, 1.6, 0.9), color=(1, 0.95, 0.88), intensity=0.9, shadow=True, softness=softness)],
+    lights=[
+        rm.Sun(sun_direction=(1.2, 1.6, 0.9), color=(1, 0.95, 0.88), intensity=0.9, shadow=True, softness=softness)
+    ],
     sky=rm.Sky((0.12, 0.15, 0.2), light=True),
     occlusion=rm.AmbientOcclusion(reach=0.5),
     fog=rm.Fog((0.4, 0.42, 0.45), 0.02),

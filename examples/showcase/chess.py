@@ -69,7 +69,7 @@ warm, cool = rm.vec3(0.32, 0.27, 0.24), rm.vec3(0.5, 0.55, 0.65)
 scene = rm.Scene(
     rm.union(*pieces) | board | rim.material(wood) | table,
     camera=rm.Camera(position=(3.4, 2.9, 5.6), target=(-0.2, 0.85, 0), fov=36, aperture=0.05, focus=6.0),
-    lights=[rm.Sun(direction=(-0.9, 1.0, 0.5), color=(1, 0.86, 0.68), intensity=2.6, shadow=True, softness=0.02)],
+    lights=[rm.Sun(sun_direction=(-0.9, 1.0, 0.5), color=(1, 0.86, 0.68), intensity=2.6, shadow=True, softness=0.02)],
     sky=rm.Sky(lambda d: rm.mix(warm, cool, rm.smoothstep(-0.2, 0.8, d.y)), light=True),
     bounces=1,
     quality=rm.Quality(integrator="whitted", samples=16),

@@ -51,7 +51,7 @@ zenith, horizon = rm.vec3(0.16, 0.3, 0.56), rm.vec3(0.85, 0.62, 0.48)
 scene = rm.Scene(
     land.material(rm.Material(albedo=cover, roughness=0.95)) | rm.plane().material(water),
     camera=rm.Camera(position=(0.3, 0.5, 8.5), target=(-0.2, 1.0, 0), fov=48),
-    lights=[rm.Sun(direction=(-0.8, 0.42, 0.35), color=(1, 0.72, 0.46), intensity=3.4, shadow=True)],
+    lights=[rm.Sun(sun_direction=(-0.8, 0.42, 0.35), color=(1, 0.72, 0.46), intensity=3.4, shadow=True)],
     sky=rm.Sky(lambda d: rm.mix(horizon, zenith, rm.smoothstep(-0.05, 0.45, d.y)), light=True),
     fog=rm.Fog(density=0.02),
     bounces=1,

@@ -30,7 +30,7 @@ for body, scale, (x, z), color, power in (
 ):
     centre = (x, 1.04 * scale, z)
     lanterns.append((body | rm.sphere(0.07).translate((0, -0.3, 0)).material(bulb)).scale(scale).translate(centre))
-    lights.append(rm.PointLight(centre, color=color, intensity=power, shadow=True, softness=0.03))
+    lights.append(rm.PointLight(centre, color=color, intensity=power, shadow=True, radius=0.03))
 
 dusk = rm.Sky(
     lambda d: rm.mix(rm.vec3(0.085, 0.05, 0.08), rm.vec3(0.02, 0.035, 0.09), rm.smoothstep(0.0, 0.4, d.y)), light=True

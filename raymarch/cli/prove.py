@@ -21,7 +21,9 @@ SIZE = "320x180"
 def run(
     scene: SceneFile,
     size: Annotated[str, typer.Option(metavar="WxH", help="Width and height in pixels.")] = SIZE,
-    within: Annotated[str, typer.Option(help="Tolerance: a share of a pixel, or a length.")] = "0.05px",
+    tolerance: Annotated[
+        str, typer.Option(metavar="0.05px", help="Tolerance: a share of a pixel, or a length.")
+    ] = "0.05px",
     time: OptionalTime = None,
     set_: Settings = None,
     output: Annotated[
@@ -37,10 +39,10 @@ def run(
         if file is not None and file.suffix.lower() != suffix:
             raise CommandError(f"{option} {file}", legal=f"a file that ends in {suffix}")
     params, shape = parse_settings(set_ or []), parse_size(size)
-    pixels: Literal["centre", "whole"] = "whole" if whole else "centre"
+    pixels: Literal["center", "whole"] = "whole" if whole else "center"
     with bar("proof", 1.0) as progress:
         found = prove(
-            load(scene), size=shape, within=within, time=time, params=params, pixels=pixels, progress=progress
+            load(scene), size=shape, tolerance=tolerance, time=time, params=params, pixels=pixels, progress=progress
         )
     if output is not None:
         write(output, lambda partial: found.image().save(partial, "PNG"))

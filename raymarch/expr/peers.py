@@ -14,7 +14,9 @@ from raymarch.errors import SceneError, UnknownNameError
 
 def _keys(table: Mapping[str, str]) -> dict[str, str]:
     """One entry for each of the names of a row."""
-    return {key: text for names, text in table.items() for key in names.split()}
+    found = [(key, text) for names, text in table.items() for key in names.split()]
+    assert len(found) == len(dict(found)), [key for key, text in found if dict(found)[key] != text]
+    return dict(found)
 
 
 FUNCTIONS = _keys(
@@ -177,10 +179,12 @@ PARAMETERS = _keys(
         "bump bumpmap displacement": "height",
         "normalmap": "normal",
         "ao aomap": "occlusion",
-        "lookat at center centre look": "target",
+        "lookat at look": "target",
+        "centre": "center target",
+        "center": "target",
         "pos eye origin location lookfrom from": "position",
         "fieldofview fovy": "fov",
-        "angle": "half_angle softness fov",
+        "angle spotsize cutoffangle": "half_angle softness fov angle",
         "ortho orthographic": "projection",
         "znear nearclip": "near",
         "zfar farclip": "far",
@@ -197,24 +201,32 @@ PARAMETERS = _keys(
         "steps maxiterations iterations": "max_steps",
         "power energy brightness strength": "intensity",
         "shadows castshadow castshadows": "shadow",
-        "dir": "direction",
+        "direction dir towards sunposition": "sun_direction view_from direction",
         "cutoff": "range half_angle",
-        "radius": "range width major minor outer",
+        "softness": "radius",
+        "size": "extent scale height radius width",
+        "radius": "rounding width major minor outer",
+        "bottom base": "radius width",
         "r d rad diameter": "radius size",
         "fontsize": "height",
         "dimensions dims extents": "size extent",
-        "size": "extent scale height radius width",
         "width": "size extent",
         "h length": "height",
         "height": "offset level size",
         "y level distance translation offsets": "offset",
+        "offset": "distance",
         "resolution": "cells",
         "smooth smoothing blendradius": "k",
+        "bevel fillet rounding": "radius",
+        "factor": "scale",
+        "file filename picture path image texture uri url": "source",
+        "within error": "tolerance",
         "n num copies": "count",
         "colors colours values": "materials",
         "period cell step": "spacing",
-        "rotation rotate": "turn rotation angle",
-        "degrees theta radians": "angle rotation turn",
+        "turn rotate": "rotation angle",
+        "rotation": "angle",
+        "degrees theta radians": "angle half_angle rotation",
         "frequency freq": "rate scale size",
         "seed": "phase",
         "thickness": "width minor",

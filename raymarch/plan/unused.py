@@ -15,7 +15,7 @@ from raymarch.errors import Doubt
 from raymarch.expr.node import Expr
 from raymarch.plan.shading import dims_ambient_light
 from raymarch.scene.fields import SMOOTH
-from raymarch.scene.light import Light, has_area, has_disc
+from raymarch.scene.light import Light, PointLight, SphereLight, has_area, has_disc
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import is_zero
 from raymarch.scene.scene import Scene
@@ -63,14 +63,15 @@ def _shadows(scene: Scene) -> Iterator[Doubt]:
     casting = [light for light in scene.lights if light.shadow]
     for light in scene.lights:
         name = type(light).__name__
-        given = {"softness": not is_zero(light.softness) and not hasattr(light, "radius")}
+        size = "radius" if isinstance(light, PointLight) else "softness"
+        given = {size: not is_zero(light.softness) and not isinstance(light, SphereLight)}
         given |= {"penumbra": light.penumbra != "two-sided" and not has_area(light)}
         given |= {"shadow_radius": getattr(light, "shadow_radius", None) is not None}
         for option in (option for option, is_given in given.items() if is_given):
             if not light.shadow:
                 yield _doubt(f"{name}({option}=...) has no effect without shadow=True", of=light)
             elif option == "penumbra" and not light.soft:
-                yield _doubt(f"{name}(penumbra=...) has no effect without softness", of=light)
+                yield _doubt(f"{name}(penumbra=...) has no effect without {size}", of=light)
     if scene.quality.shadow_steps is not None and not casting:
         yield _doubt("Quality(shadow_steps=...) has no effect: no light has shadow=True")
     if scene.quality.light_samples > 1 and not any(is_sampled(light, scene) for light in scene.lights):

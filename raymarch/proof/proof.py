@@ -126,7 +126,7 @@ class Proof:
         rows, columns = np.nonzero(self.state == CONTRADICTED)
         return {
             "size": [width, height],
-            "within": self.tolerance,
+            "tolerance": self.tolerance,
             "pixels": self.state.size,
             "proved": self.proved,
             "contradicted": self.contradicted,
@@ -159,10 +159,10 @@ def prove(
     scene: Scene | Node,
     frame: Any = None,
     size: tuple[int, int] = (320, 180),
-    within: str | float = "0.05px",
+    tolerance: str | float = "0.05px",
     time: float | None = None,
     params: Mapping[str, ParamValue] | None = None,
-    pixels: Literal["centre", "whole"] = "centre",
+    pixels: Literal["center", "whole"] = "center",
     progress: Callable[[float], None] | None = None,
 ) -> Proof:
     """Prove the hits of a picture by intervals that are rounded outwards.
@@ -173,7 +173,7 @@ def prove(
     frame : a Frame or a Truth, or any object with `depth`, (H, W): the distance along the ray through the centre of
         each pixel, inf where nothing was hit. None renders the scene.
     size : (width, height) in pixels of the picture that is rendered.
-    within : the tolerance: "0.05px" is a part of the width of a pixel at the hit; a number is a length. Above 0.
+    tolerance : "0.05px" is a part of the width of a pixel at the hit; a number is a length. Above 0.
     time : seconds. None is the time of the frame, or 0.
     params : values of parameters by name, within their ranges; the others keep their defaults.
     pixels : "whole" also bounds the part of each pixel that the solid covers, by beams around all rays of the pixel.
@@ -190,9 +190,9 @@ def prove(
     Raises SceneError for a frame without depths (H, W) or with NaN, and for a tolerance that is not above 0.
     """
     scene = as_scene("prove", scene)
-    if pixels not in ("centre", "whole"):
-        raise SceneError(f"prove: pixels = {short(pixels)}", legal='"centre" or "whole"')
-    share, length, text = _tolerance(within)
+    if pixels not in ("center", "whole"):
+        raise SceneError(f"prove: pixels = {short(pixels)}", legal='"center" or "whole"')
+    share, length, text = _tolerance(tolerance)
     if frame is None:
         with Renderer(size) as renderer:
             frame = renderer.render(scene, time or 0.0, params, outputs=("depth",))
@@ -208,9 +208,9 @@ def prove(
     start = pose.near / rate if pose.near > 0.0 else np.zeros(hit.shape)
     end = np.minimum(far, pose.far / rate)
     reach = np.where(np.isfinite(hit), hit, end) if not pose.orthographic else np.ones(hit.shape)
-    tolerance = np.full(hit.shape, length) if share is None else share * pose.pixel(height) * reach
+    allowed = np.full(hit.shape, length) if share is None else share * pose.pixel(height) * reach
     operands = Operands(scene.node, values, "camera", whole=False)
-    verdict, reasons = _verdict(operands, scene.node, values, rays, start, end, hit, tolerance, progress)
+    verdict, reasons = _verdict(operands, scene.node, values, rays, start, end, hit, allowed, progress)
     shape = (height, width)
     covered = None
     if pixels == "whole":
@@ -222,7 +222,7 @@ def prove(
         low=verdict.low.reshape(shape),
         high=verdict.high.reshape(shape),
         depth=depth,
-        within=tolerance.reshape(shape),
+        within=allowed.reshape(shape),
         evaluations=verdict.evaluations.reshape(shape),
         reasons=reasons,
         tolerance=text,
@@ -247,7 +247,7 @@ def _tolerance(within: Any) -> tuple[float | None, float, str]:
     except ValueError:
         number = np.nan
     if not (0.0 < number < np.inf) or isinstance(within, bool):
-        raise SceneError(f"prove: within = {short(within)}", legal=legal)
+        raise SceneError(f"prove: tolerance = {short(within)}", legal=legal)
     assert found is not None
     return (number, 0.0, f"{found[1]}px") if found[2] else (None, number, found[1])
 

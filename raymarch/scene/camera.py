@@ -143,7 +143,7 @@ class Camera(Part):
     shutter : seconds of `rm.time` for which the shutter is open, >= 0; the frame's time is the middle. Whatever reads
         time is blurred by its motion, if `Quality(samples=...)` or several frames give samples, each at another time.
         Depth and normals are those of the frame's time.
-    direction : the direction (x, y, z) from the target to a camera without a position, any length but 0. None is
+    view_from : the direction (x, y, z) from the target to a camera without a position, any length but 0. None is
         (0.5, 0.45, 1). The camera stands so far away that the picture shows the whole scene, whatever its proportions.
 
     Notes
@@ -167,7 +167,7 @@ class Camera(Part):
     aperture: Expr
     focus: Expr | None
     shutter: Expr
-    direction: Expr | None
+    view_from: Expr | None
 
     def __init__(
         self,
@@ -182,7 +182,7 @@ class Camera(Part):
         aperture: Scalar = 0.0,
         focus: Scalar | None = None,
         shutter: Scalar = 0.0,
-        direction: Vec3Like | None = None,
+        view_from: Vec3Like | None = None,
     ) -> None:
         kind = choice("Camera: projection", projection, PROJECTIONS)
         if height is not None and kind != "orthographic":
@@ -191,8 +191,8 @@ class Camera(Part):
                 legal="projection='orthographic', or fov=... in place of height",
             )
         suspect_radians("Camera: fov", fov)
-        if direction is not None and position is not None:
-            what = f"Camera: direction = {short(direction)} with a position"
+        if view_from is not None and position is not None:
+            what = f"Camera: view_from = {short(view_from)} with a position"
             raise SceneError(what, legal="a direction from the target, or a position")
         self._set(
             position=optional(as_vec3, "Camera: position", position),
@@ -206,10 +206,10 @@ class Camera(Part):
             aperture=as_number("Camera: aperture", aperture),
             focus=optional(as_number, "Camera: focus", focus),
             shutter=as_number("Camera: shutter", shutter),
-            direction=optional(as_vec3, "Camera: direction", direction),
+            view_from=optional(as_vec3, "Camera: view_from", view_from),
         )
-        if self.direction is not None and self.direction.is_constant and not np.any(self.direction.data):
-            raise SceneError("Camera: direction = (0, 0, 0)", legal="any length but 0")
+        if self.view_from is not None and self.view_from.is_constant and not np.any(self.view_from.data):
+            raise SceneError("Camera: view_from = (0, 0, 0)", legal="any length but 0")
         values = Values({})
         for name in _RANGES:
             given = getattr(self, name)
@@ -217,7 +217,7 @@ class Camera(Part):
                 self._number(name, values)
         if self.near.is_constant and (self.far is None or self.far.is_constant):
             self._clip_planes(values)
-        placed = self.direction is not None or (self.position is not None and self.target is not None)
+        placed = self.view_from is not None or (self.position is not None and self.target is not None)
         if placed and all(e.is_constant for e in self.expressions):
             self.pose(values, None)
 
@@ -226,7 +226,7 @@ class Camera(Part):
     def framing(
         cls,
         node: Node,
-        direction: Vec3Like = (0.5, 0.45, 1.0),
+        view_from: Vec3Like = (0.5, 0.45, 1.0),
         up: Vec3Like = (0.0, 1.0, 0.0),
         fov: float = 45.0,
         aspect: float = 16.0 / 9.0,
@@ -238,16 +238,16 @@ class Camera(Part):
         Parameters
         ----------
         node : a bounded solid.
-        direction : from the solid to the camera, any length but 0.
+        view_from : the direction from the solid to the camera, any length but 0.
         up, fov, projection : see `Camera`.
         aspect : width over height of the picture, > 0. A wider picture shows more at the sides, a narrower one less.
-            `Camera(direction=...)` sees the whole scene at any proportions.
+            `Camera(view_from=...)` sees the whole scene at any proportions.
         margin : size of the picture over that of the box, >= 1.
 
         Raises SceneError for a node without a finite box, and for a value outside its range.
         """
         solid = instance("Camera.framing: node", node, Node, "a node such as sphere()")
-        away, upward = (_numbers(f"Camera.framing: {n}", v) for n, v in (("direction", direction), ("up", up)))
+        away, upward = (_numbers(f"Camera.framing: {n}", v) for n, v in (("view_from", view_from), ("up", up)))
         proportion = real("Camera.framing: aspect", aspect, 1e-3, 1e3)
         factor = real("Camera.framing: margin", margin, 1.0, 1e3)
         if not solid.facts.bounded or solid.facts.empty:
@@ -256,7 +256,7 @@ class Camera(Part):
         lower, upper = framed_box(solid.facts)
         target = (lower + upper) / 2
         made = cls(tuple(target + away), tuple(target), tuple(upward), fov, projection)  # refuses a degenerate camera
-        pose = made.replace(position=None, direction=tuple(away)).pose(Values({}), solid.facts, proportion, factor)
+        pose = made.replace(position=None, view_from=tuple(away)).pose(Values({}), solid.facts, proportion, factor)
         height = None if pose.half_height is None else 2.0 * pose.half_height
         return made.replace(position=tuple(pose.position.tolist()), height=height)
 
@@ -318,7 +318,7 @@ class Camera(Part):
         target = (lower + upper) / 2 if self.target is None else values.of(self.target)
         up = values.of(self.up)
         given = None if self.position is None else values.of(self.position)
-        away = given - target if given is not None else VIEW if self.direction is None else values.of(self.direction)
+        away = given - target if given is not None else VIEW if self.view_from is None else values.of(self.view_from)
         self._refuse_degenerate(target + away if given is None else given, target, up)
         distance, extent = 0.0, 0.0
         if given is None or self.orthographic:

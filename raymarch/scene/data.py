@@ -26,7 +26,7 @@ from raymarch.sdf.sampled import finite_grid
 
 @checked
 def sampled(
-    values: ArrayLike, size: Vector | Scalar = (2.0, 2.0, 2.0), centre: Vector = (0.0, 0.0, 0.0)
+    values: ArrayLike, size: Vector | Scalar = (2.0, 2.0, 2.0), center: Vector = (0.0, 0.0, 0.0)
 ) -> Callable[[Any], Any]:
     """Numbers on a regular grid as a function of the point: a temperature, a charge, a speed, to colour a surface by.
 
@@ -35,7 +35,7 @@ def sampled(
     values : shape (nx, ny, nz), each 2 to 2048: values[i, j, k] is that at the i-th x, j-th y and k-th z, in any unit.
         The outermost samples lie on the faces of the box, as those of `isosurface` and `grid`.
     size : full extents of the box, numbers > 0.
-    centre : centre of the box.
+    center : centre of the box.
 
     Returns a function of a point, for values of materials, skies and lights, and for arrays of points (..., 3). It
     interpolates linearly; outside of the box the value is that of the nearest point of the box. A function that is
@@ -44,7 +44,7 @@ def sampled(
     array = finite_grid("sampled", values, "numbers")
     data, cells = Samples(array.transpose(2, 1, 0)), tuple(float(n - 1) for n in array.shape)
     whole = Domain(VEC3, low=0.0, open=True, stretch=True).accept("sampled", "size", size)
-    middle = as_vec3("sampled: centre", centre)
+    middle = as_vec3("sampled: center", center)
 
     def value(p: Expr) -> Expr:
         if (at := expr(p)).type is not VEC3:

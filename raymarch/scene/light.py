@@ -214,9 +214,8 @@ class Light(Part):
     color : linear RGB, each component >= 0.
     intensity : factor of the colour, >= 0.
     shadow : whether the light casts a shadow. False costs nothing.
-    softness : size of the light for its shadow, >= 0: the radius of a light with a position, or the tangent of the
-        angular radius of a sun (0.0047 for the real one), whose light then comes evenly from that cone. 0 gives a hard
-        shadow, which is the cheapest.
+    softness : size of the light for its shadow, >= 0: `Sun(softness=...)`, the tangent of an angular radius, or the
+        `radius` of a light with a position. 0 gives a hard shadow, which is the cheapest.
     penumbra : method for soft shadows.
 
         - "two-sided": the fraction of the light's disc that obstacles leave visible, from the clearance of one ray, and
@@ -322,21 +321,23 @@ class Sun(Light):
 
     Parameters
     ----------
-    direction : direction towards the sun, any length but 0.
-    color, intensity, shadow, softness, penumbra : see `Light`.
+    sun_direction : the direction from the scene to the sun, any length but 0.
+    color, intensity, shadow, penumbra : see `Light`.
+    softness : tangent of the angular radius of the sun, >= 0: 0.0047 for the real one. Light comes evenly from that
+        cone. 0 gives a hard shadow, which is the cheapest.
 
     Notes
     -----
     Raises SceneError for a value outside its range.
     """
 
-    direction: Expr
+    sun_direction: Expr
 
     LABEL = "sun light"
 
     def __init__(
         self,
-        direction: Vec3Like = (0.5, 1.0, 0.7),
+        sun_direction: Vec3Like = (0.5, 1.0, 0.7),
         color: ColorLike = (1.0, 1.0, 1.0),
         intensity: Scalar = 1.0,
         shadow: bool = False,
@@ -344,10 +345,10 @@ class Sun(Light):
         penumbra: str = "two-sided",
     ) -> None:
         Light.__init__(self, color, intensity, shadow, softness, penumbra)
-        self._set(direction=as_direction("Sun: direction", direction))
+        self._set(sun_direction=as_direction("Sun: sun_direction", sun_direction))
 
     def emitter_values(self) -> dict[str, Expr]:
-        return {"direction": self.direction, **Light.emitter_values(self)}
+        return {"direction": self.sun_direction, **Light.emitter_values(self)}
 
     @staticmethod
     def sample_direction(values: Mapping[str, Expr], p: Expr, u: Expr, far: Expr) -> DirectionSample:
@@ -361,7 +362,9 @@ class PointLight(Light):
     Parameters
     ----------
     position : (x, y, z) in scene units.
-    color, intensity, shadow, softness, penumbra : see `Light`.
+    color, intensity, shadow, penumbra : see `Light`.
+    radius : of the ball whose shadow the light casts, >= 0. It shines as a point. 0 gives a hard shadow, which is the
+        cheapest.
     range : distance beyond which nothing is lit, > 0. At distance d the light is multiplied by (1 - (d/range)^4)^2.
         Beyond the range the light costs nothing. None means no limit.
     shadow_radius : distance from the light beyond which surfaces receive no shadow, > 0. None means no limit.
@@ -374,6 +377,7 @@ class PointLight(Light):
     """
 
     position: Expr
+    radius: Expr
     range: Expr | None
     shadow_radius: Expr | None
     attenuation: Expr | None
@@ -386,16 +390,18 @@ class PointLight(Light):
         color: ColorLike = (1.0, 1.0, 1.0),
         intensity: Scalar = 1.0,
         shadow: bool = False,
-        softness: Scalar = 0.0,
+        radius: Scalar = 0.0,
         penumbra: str = "two-sided",
         range: Scalar | None = None,
         shadow_radius: Scalar | None = None,
         attenuation: Vec3Like | None = None,
     ) -> None:
-        Light.__init__(self, color, intensity, shadow, softness, penumbra)
         name = type(self).__name__
+        given = as_number(f"{name}: radius", radius, low=0.0)
+        Light.__init__(self, color, intensity, shadow, given, penumbra)
         self._set(
             position=as_vec3(f"{name}: position", position),
+            radius=given,
             range=optional(as_number, f"{name}: range", range, LEAST_LENGTH),
             shadow_radius=optional(as_number, f"{name}: shadow_radius", shadow_radius, LEAST_LENGTH),
             attenuation=optional(as_vec3, f"{name}: attenuation", attenuation, 0.0),
@@ -441,11 +447,11 @@ class SpotLight(PointLight):
     ----------
     position : (x, y, z) in scene units.
     direction : direction in which the light shines, any length but 0.
-    angle : half angle of the cone, from its axis to its edge, in radians, above 0 and up to pi.
-    blend : fraction of the angle over which the edge fades, from 0 (sharp) to 1. Let c be the cosine of the angle to
-        the axis, c0 its value at the edge and c1 its value where the fade ends: the light is multiplied by
+    half_angle : from the axis of the cone to its edge, in radians, above 0 and up to pi.
+    blend : fraction of the half angle over which the edge fades, from 0 (sharp) to 1. Let c be the cosine of the angle
+        to the axis, c0 its value at the edge and c1 its value where the fade ends: the light is multiplied by
         ((c - c0) / (c1 - c0))^2.
-    color, intensity, shadow, softness, penumbra, range, shadow_radius, attenuation : see `PointLight`.
+    color, intensity, shadow, radius, penumbra, range, shadow_radius, attenuation : see `PointLight`.
 
     Notes
     -----
@@ -453,7 +459,7 @@ class SpotLight(PointLight):
     """
 
     direction: Expr
-    angle: Expr
+    half_angle: Expr
     blend: Expr
 
     LABEL = "spot lights"
@@ -462,28 +468,28 @@ class SpotLight(PointLight):
         self,
         position: Vec3Like,
         direction: Vec3Like = (0.0, -1.0, 0.0),
-        angle: Scalar = 0.5,
+        half_angle: Scalar = 0.5,
         blend: Scalar = 0.2,
         color: ColorLike = (1.0, 1.0, 1.0),
         intensity: Scalar = 1.0,
         shadow: bool = False,
-        softness: Scalar = 0.0,
+        radius: Scalar = 0.0,
         penumbra: str = "two-sided",
         range: Scalar | None = None,
         shadow_radius: Scalar | None = None,
         attenuation: Vec3Like | None = None,
     ) -> None:
         PointLight.__init__(
-            self, position, color, intensity, shadow, softness, penumbra, range, shadow_radius, attenuation
+            self, position, color, intensity, shadow, radius, penumbra, range, shadow_radius, attenuation
         )
         self._set(
             direction=as_direction("SpotLight: direction", direction),
-            angle=as_number("SpotLight: angle", angle, 1e-3, math.pi),
+            half_angle=as_number("SpotLight: half_angle", half_angle, 1e-3, math.pi),
             blend=as_number("SpotLight: blend", blend, 0.0, 1.0),
         )
 
     def emitter_values(self) -> dict[str, Expr]:
-        outer, inner = cos(self.angle), cos(self.angle * (1.0 - self.blend))
+        outer, inner = cos(self.half_angle), cos(self.half_angle * (1.0 - self.blend))
         return {**PointLight.emitter_values(self), "axis": self.direction, "outer": outer, "inner": inner}
 
     @staticmethod
@@ -501,7 +507,7 @@ class SphereLight(PointLight):
     Parameters
     ----------
     position : centre of the sphere, (x, y, z) in scene units.
-    radius : radius of the sphere, > 0. It is also the `softness` of the shadow.
+    radius : of the sphere, > 0. Its shadow is as soft as that of a sphere of this size.
     color, intensity, shadow, penumbra, range, shadow_radius, attenuation : see `PointLight`. `intensity` is the
         brightness at distance 1 from the centre.
     visible : whether camera rays, mirrors and refraction show the sphere, with a radiance of intensity / radius^2. It
@@ -514,7 +520,6 @@ class SphereLight(PointLight):
     Raises SceneError for a value outside its range.
     """
 
-    radius: Expr
     visible: bool
 
     LABEL = "sphere lights"
@@ -536,7 +541,7 @@ class SphereLight(PointLight):
         PointLight.__init__(
             self, position, color, intensity, shadow, given, penumbra, range, shadow_radius, attenuation
         )
-        self._set(radius=given, visible=switch("SphereLight: visible", visible))
+        self._set(visible=switch("SphereLight: visible", visible))
 
     @property
     def cut_by_horizon(self) -> bool:
@@ -753,7 +758,7 @@ def hard(light: Light) -> Light:
         return light.replace(width=LEAST_LENGTH, height=LEAST_LENGTH, visible=False)
     if isinstance(light, SphereLight):
         return PointLight(**{n: v for n, v in light.arguments().items() if n not in ("radius", "visible")})
-    return light.replace(softness=0.0)
+    return light.replace(**{"radius" if isinstance(light, PointLight) else "softness": 0.0})
 
 
 def _window(distance: Expr, range: Expr) -> Expr:

@@ -93,12 +93,12 @@ def stored_of(what: str, picture: Picture | Stored) -> Stored:
         checked = stored_of(what, picture.pixels)
         return Stored(checked.pixels, picture.encoded, str(picture.name))
     if isinstance(picture, str | PathLike):
-        name = input_file(f"{what}: picture", picture, "the name of a picture's file")
+        name = input_file(f"{what}: source", picture, "the name of a picture's file")
         stored, encoded = read_stored(what, name, LARGEST)
         _check_range(f"{what}: '{name}'", stored, "numbers in the range of half floats")
         return Stored(np.ascontiguousarray(stored, np.float32), encoded, Path(name).name)
     legal = f"a file, or an array (H, W) or (H, W, 1 to 4) of finite numbers, sides from 1 to {LARGEST}"
-    numbers(f"{what}: picture", picture, legal)
+    numbers(f"{what}: source", picture, legal)
     array = np.asarray(picture)
     given = f"{what}: an array of shape {array.shape}, {array.dtype}"
     if array.dtype.kind not in "biuf" or array.ndim not in (2, 3) or not array.size:

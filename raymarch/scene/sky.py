@@ -188,7 +188,7 @@ class SunSky(Sky):
 
     Parameters
     ----------
-    direction : direction towards the sun, any length but 0. Its elevation is clamped to above the horizon.
+    sun_direction : the direction from the scene to the sun, any length but 0. It is raised to above the horizon.
     turbidity : amount of haze, from 2 (clear) to 10.
     intensity : factor >= 0. At 1 a unit is 50 kilocandela per square metre: the sky far from the sun is about 0.15, and
         a white floor under the sky and `sun()` about 0.4 at an elevation of 17 degrees, 1 at 50 and 1.25 at 90.
@@ -196,20 +196,20 @@ class SunSky(Sky):
     light : see `Sky`. It does not include the direct light of the sun: add `sun()` to the lights of the scene.
     """
 
-    direction: Expr
+    sun_direction: Expr
     turbidity: Expr
     intensity: Expr
     ground: Expr
 
     def __init__(
         self,
-        direction: Vec3Like = (0.5, 0.6, 0.7),
+        sun_direction: Vec3Like = (0.5, 0.6, 0.7),
         turbidity: Scalar = 2.0,
         intensity: Scalar = 1.0,
         ground: ColorLike = (0.15, 0.15, 0.15),
         light: bool = False,
     ) -> None:
-        towards = as_direction("SunSky: direction", direction)
+        towards = as_direction("SunSky: sun_direction", sun_direction)
         haze = as_number("SunSky: turbidity", turbidity, 2.0, 10.0)
         factor = as_number("SunSky: intensity", intensity, low=0.0)
         low = as_color("SunSky: ground", ground)
@@ -219,7 +219,7 @@ class SunSky(Sky):
             return mix(above, low * factor, clamp(-12.0 * d.y, 0.0, 1.0))
 
         Sky.__init__(self, color, light)
-        self._set(direction=towards, turbidity=haze, intensity=factor, ground=low)
+        self._set(sun_direction=towards, turbidity=haze, intensity=factor, ground=low)
 
     @checked
     def sun(
@@ -234,10 +234,10 @@ class SunSky(Sky):
         intensity : factor >= 0, multiplied by the intensity of the sky.
         shadow, softness, penumbra : see `Sun`.
         """
-        up = max(self.direction.y, 0.0)
+        up = max(self.sun_direction.y, 0.0)
         through = exp(expr((-0.06, -0.12, -0.28)) / (up + 0.1))
         factor = as_number("SunSky.sun: intensity", intensity, low=0.0)
-        return Sun(self.direction, through, factor * self.intensity, shadow, softness, penumbra)
+        return Sun(self.sun_direction, through, factor * self.intensity, shadow, softness, penumbra)
 
 
 @value
@@ -246,9 +246,9 @@ class ImageSky(Sky):
 
     Parameters
     ----------
-    file : Radiance (.hdr), OpenEXR (.exr), or a file that Pillow reads, up to 2046 pixels wide and high.
+    source : name of a Radiance (.hdr), OpenEXR (.exr), or a file that Pillow reads, up to 2046 pixels wide and high.
     intensity : factor >= 0.
-    turn : rotation about the y axis, in radians.
+    rotation : about the y axis, in radians.
     light : see `Sky`.
 
     Notes
@@ -256,21 +256,21 @@ class ImageSky(Sky):
     Raises SceneError for a file that is missing, broken or too large.
     """
 
-    file: str
+    source: str
     intensity: Expr
-    turn: Expr
+    rotation: Expr
 
     def __init__(
-        self, file: str | PathLike[str], intensity: Scalar = 1.0, turn: Scalar = 0.0, light: bool = False
+        self, source: str | PathLike[str], intensity: Scalar = 1.0, rotation: Scalar = 0.0, light: bool = False
     ) -> None:
-        name = input_file("ImageSky: file", file, "the name of a picture's file")
+        name = input_file("ImageSky: source", source, "the name of a picture's file")
         pixels = np.maximum(read_image("ImageSky", name), 0.0)
         height, width = pixels.shape[:2]
         # An extra column on each side closes the circle; an extra row at each end repeats the row of the pole.
         closed = np.pad(pixels, ((1, 1), (0, 0), (0, 0)), "edge")
         closed = np.pad(closed, ((0, 0), (1, 1), (0, 0)), "wrap")
         channels = [Samples(closed[..., c]) for c in range(3)]
-        factor, angle = as_number("ImageSky: intensity", intensity, low=0.0), as_number("ImageSky: turn", turn)
+        factor, angle = as_number("ImageSky: intensity", intensity, low=0.0), as_number("ImageSky: rotation", rotation)
 
         def color(d: Expr) -> Expr:
             around = atan2(d.x, -d.z) - angle
@@ -281,7 +281,7 @@ class ImageSky(Sky):
             return vec3(*(sample(channel, at) for channel in channels)) * factor
 
         Sky.__init__(self, color, light)
-        self._set(file=name, intensity=factor, turn=angle)
+        self._set(source=name, intensity=factor, rotation=angle)
 
 
 # Constants of Preetham's model. _PEREZ: distributions of luminance and the two chromaticities, each a T + b in the

@@ -262,7 +262,7 @@ def _projected(
 
 @checked
 def planar(
-    picture: Picture,
+    source: Picture,
     size: Scalar | Sequence[Scalar] = 1.0,
     axis: str = "z",
     *,
@@ -276,9 +276,9 @@ def planar(
 
     Parameters
     ----------
-    picture : a file, or an array (H, W) or (H, W, channels), row 0 at the top. Files of integers and arrays of uint8
-        are divided by the largest integer, and their colours are sRGB-encoded. OpenEXR, Radiance and other arrays are
-        linear.
+    source : a picture: the name of a file, or an array (H, W) or (H, W, channels), row 0 at the top. Files of integers
+        and arrays of uint8 are divided by the largest integer, and their colours are sRGB-encoded. OpenEXR, Radiance
+        and other arrays are linear.
     size : width of the picture in scene units, or (width, height), > 0.
     axis : "x", "y" or "z". The picture is upright as seen from the positive end of the axis.
     offset : offset of its centre, across and up, in scene units.
@@ -293,12 +293,12 @@ def planar(
     Raises SceneError for a file that is missing or broken, more than 4096 pixels along an edge, or values out of range.
     """
     choice("planar: axis", axis, tuple(FACES), "'x', 'y' or 'z'")
-    return _projected("planar", picture, axis, size, offset, rotation, 1.0, wrap=wrap, channel=channel, green=green)
+    return _projected("planar", source, axis, size, offset, rotation, 1.0, wrap=wrap, channel=channel, green=green)
 
 
 @checked
 def triplanar(
-    picture: Picture,
+    source: Picture,
     size: Scalar | Sequence[Scalar] = 1.0,
     hardness: Scalar = 4.0,
     *,
@@ -312,7 +312,7 @@ def triplanar(
 
     Parameters
     ----------
-    picture, size, offset, rotation, wrap, channel, green : see `planar`.
+    source, size, offset, rotation, wrap, channel, green : see `planar`.
     hardness : from 1 (wide blend) to 64. The weights are |n|^hardness, divided by their sum.
 
     Notes
@@ -321,7 +321,7 @@ def triplanar(
     Raises SceneError as `planar` does.
     """
     return _projected(
-        "triplanar", picture, None, size, offset, rotation, hardness, wrap=wrap, channel=channel, green=green
+        "triplanar", source, None, size, offset, rotation, hardness, wrap=wrap, channel=channel, green=green
     )
 
 

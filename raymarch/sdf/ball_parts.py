@@ -91,33 +91,39 @@ def cut_sphere(p: Expr, radius: Positive = 1.0, cut: Length = -0.3) -> Expr:
 
 def _cut_hollow_exactness(radius: Any, cut: Any, thickness: Any) -> Exactness:
     """If the wall is thicker than the opening is wide, the field is only a bound inside."""
-    return "exact" if surely(0.5 * thickness <= where(cut > 0.0, _rim(radius, cut), radius)) else "bound"
+    middle = radius - 0.5 * thickness
+    return "exact" if surely(0.5 * thickness <= where(cut > 0.0, _rim(middle, cut), middle)) else "bound"
 
 
 def _cut_hollow_bounds(radius: Any, cut: Any, thickness: Any) -> tuple[Expr, Expr]:
-    wide = where(cut < 0.0, _rim(radius, cut), radius) + 0.5 * thickness
-    return around_y(wide, -radius - 0.5 * thickness, cut + 0.5 * thickness)
+    middle = radius - 0.5 * thickness
+    wide = where(cut < 0.0, _rim(middle, cut), middle) + 0.5 * thickness
+    return around_y(wide, -radius, cut + 0.5 * thickness)
 
 
 @shape(
     exactness=_cut_hollow_exactness,
     bounds=_cut_hollow_bounds,
     symmetry="xz",
-    check=Fits(lambda radius, cut: abs(cut) < radius, "-radius < cut < radius"),
+    check=Fits(
+        lambda radius, cut, thickness: abs(cut) < radius - 0.5 * thickness,
+        "|cut| < radius - thickness / 2",
+    ),
     spread=1.0,
 )
-def cut_hollow_sphere(p: Expr, radius: Positive = 0.8, cut: Length = 0.2, thickness: Positive = 0.1) -> Expr:
+def cut_hollow_sphere(p: Expr, radius: Positive = 1.0, cut: Length = 0.2, thickness: Positive = 0.1) -> Expr:
     """Bowl: the part of a spherical shell below a horizontal plane, with a rounded rim.
 
-    radius : of the sphere in the middle of the wall, > 0.
-    cut : height of the plane, between -radius and radius. thickness : full thickness of the wall, > 0.
+    radius : of the outside, > 0. thickness : full thickness of the wall, > 0.
+    cut : height of the plane, which meets the sphere in the middle of the wall.
 
     Exact, unless the wall closes the opening; then exact outside only.
     """
+    middle = radius - 0.5 * thickness
     q = about_y(p)
-    rim = vec2(_rim(radius, cut), cut)
+    rim = vec2(_rim(middle, cut), cut)
     beside = rim.y * q.x >= rim.x * q.y
-    return where(beside, abs(length(p) - radius), length(q - rim)) - 0.5 * thickness
+    return where(beside, abs(length(p) - middle), length(q - rim)) - 0.5 * thickness
 
 
 def _death_star_rim(radius: Any, bite: Any, distance: Any) -> tuple[Expr, Expr]:
@@ -163,15 +169,15 @@ def death_star(p: Expr, radius: Positive = 1.0, bite: Positive = 0.7, distance: 
 
 @shape(
     exactness="exact",
-    bounds=lambda height, width: cube(0.5 * vec3(width, height, width)),
+    bounds=lambda width, height: cube(0.5 * vec3(width, height, width)),
     symmetry="xyz",
-    check=Fits(lambda height, width: width <= height, "width <= height"),
+    check=Fits(lambda width, height: width <= height, "width <= height"),
     convex=True,
 )
-def vesica(p: Expr, height: Positive = 1.8, width: Positive = 0.9) -> Expr:
+def vesica(p: Expr, width: Positive = 1.0, height: Positive = 2.0) -> Expr:
     """Spindle: a solid of revolution of an arc about the y axis, pointed at both ends.
 
-    height : from tip to tip, > 0. width : full width in the middle, > 0 and at most the height; if equal, a ball.
+    width : full width in the middle, > 0 and at most the height; if equal, a ball. height : from tip to tip, > 0.
 
     Exact: beyond the last normal of the arc the tip is nearest, else the arc.
     """

@@ -41,18 +41,18 @@ def largest(v: Expr) -> Expr:
     bounds=lambda size: cube(0.5 * size),
     symmetry="xyz",
     convex=True,
-    check=Fits(lambda size, radius: 2.0 * radius <= smallest(size), "radius <= half the smallest extent"),
+    check=Fits(lambda size, rounding: 2.0 * rounding <= smallest(size), "rounding <= half the smallest extent"),
 )
-def rounded_box(p: Expr, size: Size3 = (1.6, 1.0, 1.2), radius: NonNegative = 0.2) -> Expr:
+def rounded_box(p: Expr, size: Size3 = (2.0, 2.0, 2.0), rounding: NonNegative = 0.2) -> Expr:
     """Box about the origin with rounded edges and corners.
 
     size : full extents along x, y and z, rounding included, each > 0; one number gives a cube.
-    radius : of the rounding, >= 0 and at most half the smallest extent.
+    rounding : radius of the edges, >= 0 and at most half the smallest extent.
 
-    All points within the radius of a smaller box (Minkowski sum), so exact outside and inside.
+    All points within that radius of a smaller box (Minkowski sum), so exact outside and inside.
     """
-    q = abs(p) - 0.5 * size + radius
-    return length(max(q, 0.0)) + min(largest(q), 0.0) - radius
+    q = abs(p) - 0.5 * size + rounding
+    return length(max(q, 0.0)) + min(largest(q), 0.0) - rounding
 
 
 @shape(
@@ -61,7 +61,7 @@ def rounded_box(p: Expr, size: Size3 = (1.6, 1.0, 1.2), radius: NonNegative = 0.
     symmetry="xyz",
     check=Fits(lambda size, thickness: 2.0 * thickness <= smallest(size), "thickness <= half the smallest extent"),
 )
-def box_frame(p: Expr, size: Size3 = (1.6, 1.2, 1.4), thickness: Positive = 0.15) -> Expr:
+def box_frame(p: Expr, size: Size3 = (2.0, 2.0, 2.0), thickness: Positive = 0.2) -> Expr:
     """The twelve edges of a box, as bars of square section.
 
     size : full extents along x, y and z, each > 0; one number gives a cube.
@@ -141,9 +141,9 @@ def _refuse_flat(name: str, *corners: Any) -> None:
 )
 def triangle(
     p: Expr,
-    a: Vec3 = (-0.9, -0.7, 0.2),
-    b: Vec3 = (0.9, -0.6, -0.1),
-    c: Vec3 = (0.0, 0.8, 0.1),
+    a: Vec3,
+    b: Vec3,
+    c: Vec3,
     radius: NonNegative = 0.05,
 ) -> Expr:
     """Flat triangle in space, grown by a radius on all sides.
@@ -182,10 +182,10 @@ def _check_quad(a: Any, b: Any, c: Any, d: Any, radius: Any) -> None:
 )
 def quad(
     p: Expr,
-    a: Vec3 = (-0.8, -0.6, 0.1),
-    b: Vec3 = (0.8, -0.6, 0.1),
-    c: Vec3 = (0.6, 0.7, -0.1),
-    d: Vec3 = (-0.6, 0.7, -0.1),
+    a: Vec3,
+    b: Vec3,
+    c: Vec3,
+    d: Vec3,
     radius: NonNegative = 0.05,
 ) -> Expr:
     """Quadrilateral in space, grown by a radius on all sides: the triangles a b c and a c d.

@@ -81,7 +81,7 @@ def _is_segment(points: Any, radius: Any) -> bool:
 )
 def polyline_tube(
     p: Expr,
-    points: Points3 = ((-0.8, -0.6, 0.3), (-0.3, 0.5, -0.3), (0.2, -0.3, -0.2), (0.8, 0.5, 0.4)),
+    points: Points3,
     radius: Positive = 0.12,
 ) -> Expr:
     """Round tube along straight pieces, with round joints and ends.
@@ -160,9 +160,9 @@ def _check_bezier(a: Any, b: Any, c: Any, radius: Any) -> None:
 @shape(exactness=bezier_exactness, bounds=bezier_bounds, spread=1.0, check=_check_bezier)
 def bezier_tube(
     p: Expr,
-    a: Vec3 = (-0.8, -0.5, 0.2),
-    b: Vec3 = (0.1, 1.1, -0.6),
-    c: Vec3 = (0.8, -0.4, 0.3),
+    a: Vec3,
+    b: Vec3,
+    c: Vec3,
     radius: Positive = 0.15,
 ) -> Expr:
     """Round tube along a quadratic Bezier curve, with round ends.

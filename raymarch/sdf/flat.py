@@ -53,7 +53,7 @@ def circle(p: Expr, radius: Positive = 1.0) -> Expr:
 
 
 @shape(exactness="exact", bounds=lambda size: cube(0.5 * size), symmetry="xy", convex=True, dimension=2)
-def rectangle(p: Expr, size: Size2 = (1.6, 1.0)) -> Expr:
+def rectangle(p: Expr, size: Size2 = (2.0, 2.0)) -> Expr:
     """Rectangle about the origin.
 
     size : full extents along x and y, each > 0; one number gives a square. Exact.
@@ -67,19 +67,19 @@ def rectangle(p: Expr, size: Size2 = (1.6, 1.0)) -> Expr:
     bounds=lambda size: cube(0.5 * size),
     symmetry="xy",
     convex=True,
-    check=Fits(lambda size, radius: 2.0 * radius <= min(size.x, size.y), "radius <= half the smaller extent"),
+    check=Fits(lambda size, rounding: 2.0 * rounding <= min(size.x, size.y), "rounding <= half the smaller extent"),
     dimension=2,
 )
-def rounded_rectangle(p: Expr, size: Size2 = (1.6, 1.0), radius: NonNegative = 0.2) -> Expr:
+def rounded_rectangle(p: Expr, size: Size2 = (2.0, 2.0), rounding: NonNegative = 0.2) -> Expr:
     """Rectangle about the origin with rounded corners.
 
     size : full extents along x and y, rounding included, each > 0; one number gives a square.
-    radius : of the corners, >= 0 and at most half the smaller extent.
+    rounding : radius of the corners, >= 0 and at most half the smaller extent.
 
-    All points within the radius of a smaller rectangle (Minkowski sum), so exact outside and inside.
+    All points within that radius of a smaller rectangle (Minkowski sum), so exact outside and inside.
     """
-    q = abs(p) - 0.5 * size + radius
-    return length(max(q, 0.0)) + min(max(q.x, q.y), 0.0) - radius
+    q = abs(p) - 0.5 * size + rounding
+    return length(max(q, 0.0)) + min(max(q.x, q.y), 0.0) - rounding
 
 
 # Shapes given by their corners
@@ -224,7 +224,7 @@ def _bulges(corners: NDArray[np.float64]) -> bool:
     check=_check_polygon,
     dimension=2,
 )
-def polygon(p: Expr, points: Points2 = ((-0.9, -0.7), (0.8, -0.5), (0.9, 0.6), (0.1, 0.0), (-0.6, 0.8))) -> Expr:
+def polygon(p: Expr, points: Points2) -> Expr:
     """The region inside a closed polyline.
 
     points : three or more corners (x, y) in order, clockwise or counter-clockwise; the last is joined to the first.
@@ -267,7 +267,7 @@ def _check_triangle(a: Any, b: Any, c: Any) -> None:
     check=_check_triangle,
     dimension=2,
 )
-def flat_triangle(p: Expr, a: Vec2 = (-0.8, -0.6), b: Vec2 = (0.9, -0.4), c: Vec2 = (0.1, 0.8)) -> Expr:
+def flat_triangle(p: Expr, a: Vec2, b: Vec2, c: Vec2) -> Expr:
     """Triangle.
 
     a, b, c : corners in any order, not collinear. Exact, as `polygon` is.
@@ -278,21 +278,21 @@ def flat_triangle(p: Expr, a: Vec2 = (-0.8, -0.6), b: Vec2 = (0.9, -0.4), c: Vec
 
 @shape(
     exactness="exact",
-    bounds=lambda bottom, top, height: cube(vec2(0.5 * max(bottom, top), 0.5 * height)),
-    symmetry=lambda bottom, top: "xy" if bottom is top else "x",
+    bounds=lambda width, height, top: cube(vec2(0.5 * max(width, top), 0.5 * height)),
+    symmetry=lambda width, top: "xy" if width is top else "x",
     convex=True,
-    check=Fits(lambda bottom, top: bottom + top > 0.0, "at least one of them > 0"),
+    check=Fits(lambda width, top: width + top > 0.0, "at least one of them > 0"),
     dimension=2,
 )
-def trapezoid(p: Expr, bottom: NonNegative = 1.8, top: NonNegative = 0.8, height: Positive = 1.2) -> Expr:
+def trapezoid(p: Expr, width: NonNegative = 2.0, height: Positive = 1.2, top: NonNegative = 1.0) -> Expr:
     """Trapezoid about the origin, symmetric about the y axis.
 
-    bottom, top : lengths of the horizontal edges, >= 0, not both 0; 0 gives a triangle. height : > 0.
+    width, top : lengths of the lower and the upper edge, >= 0, not both 0; 0 gives a triangle. height : > 0.
 
     Exact: the distance to the nearest of the horizontal edges and one slanted edge.
     """
     q = vec2(abs(p.x), p.y)
-    low, high = vec2(0.5 * bottom, -0.5 * height), vec2(0.5 * top, 0.5 * height)
+    low, high = vec2(0.5 * width, -0.5 * height), vec2(0.5 * top, 0.5 * height)
     over = vec2(q.x - where(q.y < 0.0, low.x, high.x), abs(q.y) - high.y)
     level = where(over.x > 0.0, length(over), over.y)
     slant = outward(low, high)
@@ -403,7 +403,7 @@ def cross(p: Expr, size: Positive = 1.8, thickness: Positive = 0.6) -> Expr:
     convex=True,
     dimension=2,
 )
-def stroke(p: Expr, a: Vec2 = (-0.7, -0.4), b: Vec2 = (0.7, 0.5), thickness: Positive = 0.3) -> Expr:
+def stroke(p: Expr, a: Vec2, b: Vec2, thickness: Positive = 0.3) -> Expr:
     """A line from a to b with round ends.
 
     a, b : ends; equal ends give a disc. thickness : full width, > 0. Exact.
@@ -421,9 +421,7 @@ def stroke(p: Expr, a: Vec2 = (-0.7, -0.4), b: Vec2 = (0.7, 0.5), thickness: Pos
     convex=lambda points: len(points) == 2,
     dimension=2,
 )
-def polyline(
-    p: Expr, points: Points2 = ((-0.9, -0.5), (-0.3, 0.6), (0.2, -0.3), (0.9, 0.4)), thickness: Positive = 0.2
-) -> Expr:
+def polyline(p: Expr, points: Points2, thickness: Positive = 0.2) -> Expr:
     """A line through some points with round ends and joints.
 
     points : two or more, each (x, y); numbers, more than 100 of them a table. thickness : full width, > 0.

@@ -48,29 +48,30 @@ def shallow_arc(p: Expr, radius: Expr, back: Expr) -> Expr:
 
 @shape(
     exactness="exact",
-    bounds=lambda radius, thickness: cube(vec2(radius + 0.5 * thickness)),
+    bounds=lambda radius, thickness: cube(vec2(radius)),
     symmetry="xy",
-    check=Fits(lambda radius, thickness: thickness <= 2.0 * radius, "thickness <= twice the radius"),
+    check=Fits(lambda radius, thickness: thickness <= radius, "thickness <= radius"),
     dimension=2,
 )
-def ring(p: Expr, radius: Positive = 0.8, thickness: Positive = 0.3) -> Expr:
+def ring(p: Expr, radius: Positive = 1.0, thickness: Positive = 0.3) -> Expr:
     """The region between two circles about the origin.
 
-    radius : mean of the radii of the two circles, > 0. thickness : full width, > 0 and at most twice the radius.
+    radius : of the outer circle, > 0. thickness : full width, > 0 and at most the radius.
     Exact.
     """
-    return abs(length(p) - radius) - 0.5 * thickness
+    return abs(length(p) - (radius - 0.5 * thickness)) - 0.5 * thickness
 
 
 def _arc_bounds(radius: Any, angle: Any, thickness: Any) -> tuple[Expr, Expr]:
     half = min(0.5 * angle, math.pi)
-    wide = radius * where(half < 0.5 * math.pi, sin(half), 1.0) + 0.5 * thickness
-    return vec2(-wide, radius * cos(half) - 0.5 * thickness), vec2(wide, radius + 0.5 * thickness)
+    middle = radius - 0.5 * thickness
+    wide = middle * where(half < 0.5 * math.pi, sin(half), 1.0) + 0.5 * thickness
+    return vec2(-wide, middle * cos(half) - 0.5 * thickness), vec2(wide, radius)
 
 
 def _exact_if_open(radius: Expr, angle: Expr, thickness: Expr) -> Exactness:
     """Where the round ends overlap, the field of the nearer end is only a bound."""
-    apart = (angle <= math.pi) | (2.0 * radius * sin(0.5 * angle) >= thickness) | (angle >= 2.0 * math.pi)
+    apart = (angle <= math.pi) | ((2.0 * radius - thickness) * sin(0.5 * angle) >= thickness) | (angle >= 2.0 * math.pi)
     return "exact" if surely(apart) else "bound"
 
 
@@ -79,21 +80,22 @@ def _exact_if_open(radius: Expr, angle: Expr, thickness: Expr) -> Exactness:
     bounds=_arc_bounds,
     symmetry="x",
     spread=1.0,
-    check=Fits(lambda radius, thickness: thickness <= 2.0 * radius, "thickness <= twice the radius"),
+    check=Fits(lambda radius, thickness: thickness <= radius, "thickness <= radius"),
     dimension=2,
 )
-def arc(p: Expr, radius: Positive = 0.8, angle: Turn = 4.0, thickness: Positive = 0.3) -> Expr:
+def arc(p: Expr, radius: Positive = 1.0, angle: Turn = 4.0, thickness: Positive = 0.3) -> Expr:
     """A stroke along a circle about the origin, with round ends, open at the bottom.
 
-    radius : of the circle, > 0. angle : of the arc, half of it on either side of the y axis, in (0, 2 pi].
-    thickness : full width, > 0 and at most twice the radius.
+    radius : of the outer edge, > 0. angle : of the whole arc, half of it on either side of the y axis, in (0, 2 pi].
+    thickness : full width, > 0 and at most the radius.
 
     Exact: the distance to the circle within the angle of the arc, else to its end. A bound inside if the ends overlap.
     """
+    middle = radius - 0.5 * thickness
     q = vec2(abs(p.x), p.y)
     end = vec2(max(sin(0.5 * angle), 0.0), cos(0.5 * angle))  # in float32, pi may be more than half a turn
     past = q.x * end.y - q.y * end.x > 0.0
-    return where(past, length(q - radius * end), abs(length(q) - radius)) - 0.5 * thickness
+    return where(past, length(q - middle * end), abs(length(q) - middle)) - 0.5 * thickness
 
 
 def _pie_bounds(radius: Any, angle: Any) -> tuple[Expr, Expr]:
@@ -158,7 +160,7 @@ def heart(p: Expr, height: Positive = 1.6) -> Expr:
     check=Fits(lambda width, height: width <= height, "width <= height"),
     dimension=2,
 )
-def flat_vesica(p: Expr, width: Positive = 1.0, height: Positive = 1.8) -> Expr:
+def flat_vesica(p: Expr, width: Positive = 1.0, height: Positive = 2.0) -> Expr:
     """A pointed lens about the origin, upright: the intersection of two equal discs.
 
     width, height : full extents, 0 < width <= height; equal extents give a disc.
@@ -232,14 +234,14 @@ def egg(p: Expr, width: Positive = 1.2, height: Positive = 1.6, tip: Positive = 
     return where(q.y < 0.0, length(q) - radius, upper)
 
 
-def _horn(radius: Any, bite: Any, offset: Any) -> tuple[Any, Any]:
+def _horn(radius: Any, bite: Any, distance: Any) -> tuple[Any, Any]:
     """The intersection of the two circles: x, and y >= 0."""
-    x = (radius * radius - bite * bite + offset * offset) / (2.0 * offset)
+    x = (radius * radius - bite * bite + distance * distance) / (2.0 * distance)
     return x, sqrt(max((radius - x) * (radius + x), 0.0))
 
 
-def _moon_bounds(radius: Any, bite: Any, offset: Any) -> tuple[Expr, Expr]:
-    x, y = _horn(radius, bite, offset)
+def _moon_bounds(radius: Any, bite: Any, distance: Any) -> tuple[Expr, Expr]:
+    x, y = _horn(radius, bite, distance)
     high = where(x < 0.0, min(y, radius), radius)
     return vec2(-radius, -high), vec2(clamp(x, -radius, radius), high)
 
@@ -249,23 +251,23 @@ def _moon_bounds(radius: Any, bite: Any, offset: Any) -> tuple[Expr, Expr]:
     bounds=_moon_bounds,
     symmetry="y",
     check=Fits(
-        lambda radius, bite, offset: (offset < radius + bite) & (abs(radius - bite) < offset),
-        "circles that cross: |radius - bite| < offset < radius + bite",
+        lambda radius, bite, distance: (distance < radius + bite) & (abs(radius - bite) < distance),
+        "circles that cross: |radius - bite| < distance < radius + bite",
     ),
     dimension=2,
 )
-def moon(p: Expr, radius: Positive = 1.0, bite: Positive = 0.8, offset: Positive = 0.6) -> Expr:
+def moon(p: Expr, radius: Positive = 1.0, bite: Positive = 0.8, distance: Positive = 0.6) -> Expr:
     """A crescent: a disc about the origin minus another disc on the +x axis.
 
-    radius : of the disc, > 0. bite : radius of the subtracted disc, > 0. offset : distance of the two centres. The
+    radius : of the disc, > 0. bite : radius of the subtracted disc, > 0. distance : of the centres. The two
     circles must intersect, so it lies between the difference and the sum of the radii.
 
     Exact. Between the normals of the two arcs at a horn the horn is nearest; elsewhere the hard difference is exact.
     """
-    x, y = _horn(radius, bite, offset)
+    x, y = _horn(radius, bite, distance)
     q = vec2(p.x, abs(p.y))
-    at_horn = q.x * y - q.y * x > offset * max(y - q.y, 0.0)
-    apart = max(length(q) - radius, bite - length(q - vec2(offset, 0.0)))
+    at_horn = q.x * y - q.y * x > distance * max(y - q.y, 0.0)
+    apart = max(length(q) - radius, bite - length(q - vec2(distance, 0.0)))
     return where(at_horn, length(q - vec2(x, y)), apart)
 
 
@@ -278,9 +280,7 @@ def moon(p: Expr, radius: Positive = 1.0, bite: Positive = 0.8, offset: Positive
     spread=1.0,
     dimension=2,
 )
-def bezier(
-    p: Expr, a: Vec2 = (-0.8, -0.5), b: Vec2 = (0.0, 1.2), c: Vec2 = (0.8, -0.3), thickness: Positive = 0.25
-) -> Expr:
+def bezier(p: Expr, a: Vec2, b: Vec2, c: Vec2, thickness: Positive = 0.25) -> Expr:
     """A stroke along a quadratic Bézier curve, with round ends.
 
     a, b, c : the control points; the curve runs from a to c, and its tangents at both ends pass through b.

@@ -119,16 +119,16 @@ def julia(p: Expr, c: Vec4 = (-0.2, 0.6, 0.2, 0.2), iterations: Count = 11) -> E
 
 
 @shape(exactness="estimate", bounds=lambda: cube(6.0), symmetry="xyz")
-def mandelbox(p: Expr, factor: Number = 2.0, iterations: Count = 8) -> Expr:
+def mandelbox(p: Expr, scale: Number = 2.0, iterations: Count = 8) -> Expr:
     """The Mandelbox: fold into a box, fold into a ball, scale by a factor, add p (Lowe 2010).
 
-    factor : from 2 to 3, or about -1.5. iterations : >= 1. An estimate: |z| over the growth.
+    scale : the factor, from 2 to 3, or about -1.5. iterations : >= 1. An estimate: |z| over the growth.
     """
 
     def step(i: Expr, z: Expr, growth: Expr) -> tuple[Expr, Expr]:
         z = 2.0 * clamp(z, -1.0, 1.0) - z
         turn = max(1.0 / max(dot(z, z), 0.25), 1.0)
-        return factor * turn * z + p, absolute(factor) * turn * growth + 1.0
+        return scale * turn * z + p, absolute(scale) * turn * growth + 1.0
 
     z, growth = loop(iterations, (p, 1.0), step, until=lambda i, z, growth: dot(z, z) > 100.0)
     return length(z) / growth

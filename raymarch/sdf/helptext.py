@@ -91,7 +91,7 @@ def _file(definition: Definition) -> str:
 
 # One line to try
 
-OPERANDS = {("one", 3): "rm.box()", ("one", 2): "rm.circle()"}
+OPERANDS = {("one", 3): "rm.box(1)", ("one", 2): "rm.circle()"}
 
 
 def example(definition: Definition) -> str:

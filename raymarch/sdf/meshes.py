@@ -29,7 +29,7 @@ Progress = Callable[[float], None]
 
 @checked
 def mesh(
-    file: str | os.PathLike[str],
+    source: str | os.PathLike[str],
     extent: float | None = None,
     resolution: int = 64,
     progress: Progress | None = None,
@@ -39,7 +39,7 @@ def mesh(
 
     Parameters
     ----------
-    file : a file that trimesh reads: STL, OBJ, PLY, GLB, ... Other files that it names must be in its folder.
+    source : name of a file that trimesh reads: STL, OBJ, PLY, GLB, ... Other files that it names must be in its folder.
     extent : scale the mesh to this largest extent and centre it at the origin. None keeps its coordinates.
     resolution : samples along its largest extent, 8 to 256.
     progress : called with the fraction done, 0 to 1.
@@ -55,7 +55,7 @@ def mesh(
     """
     resolution = integer("mesh: resolution", resolution, 8, 256)
     extent = optional(_extent, "mesh: extent", extent)
-    file = input_file("mesh: file", file, "a mesh file")
+    file = input_file("mesh: source", source, "the name of a mesh file")
     folder = None if cache is None else file_path("mesh: cache", cache, "a folder")
     if progress is not None and not callable(progress):
         raise SceneError(f"mesh: progress = {short(progress)}", legal="a function of the fraction done, or None")

@@ -217,7 +217,7 @@ def infinite_cylinder(p: Expr, radius: Positive = 0.5) -> Expr:
     ),
     convex=True,
 )
-def rounded_cylinder(p: Expr, radius: Positive = 0.8, height: Positive = 1.4, rounding: NonNegative = 0.2) -> Expr:
+def rounded_cylinder(p: Expr, radius: Positive = 1.0, height: Positive = 2.0, rounding: NonNegative = 0.2) -> Expr:
     """Cylinder about the y axis with rounded edges.
 
     radius : of the whole, > 0. height : full height, > 0.
@@ -235,7 +235,7 @@ def rounded_cylinder(p: Expr, radius: Positive = 0.8, height: Positive = 1.4, ro
     check=Fits(lambda radius, top: max(radius, top) > 0.0, "one of them > 0"),
     convex=True,
 )
-def cone(p: Expr, radius: NonNegative = 0.9, height: Positive = 1.6, top: NonNegative = 0.0) -> Expr:
+def cone(p: Expr, radius: NonNegative = 1.0, height: Positive = 2.0, top: NonNegative = 0.0) -> Expr:
     """Cone or frustum about the y axis, centred at the origin.
 
     radius : of the base, at y = -height / 2. top : radius at y = height / 2, 0 for a tip. Each >= 0, not both 0.
@@ -269,28 +269,28 @@ def infinite_cone(p: Expr, half_angle: Acute = 0.5) -> Expr:
 
 @shape(
     exactness="exact",
-    bounds=lambda bottom, top, height: around_y(max(bottom, top), -0.5 * height - bottom, 0.5 * height + top),
+    bounds=lambda radius, height, top: around_y(max(radius, top), -0.5 * height - radius, 0.5 * height + top),
     symmetry="xz",
     check=Fits(
-        lambda bottom, top, height: abs(bottom - top) < height,
+        lambda radius, height, top: abs(radius - top) < height,
         "radii that differ by less than the height; else one ball contains the other",
     ),
     convex=True,
 )
-def round_cone(p: Expr, bottom: Positive = 0.6, top: Positive = 0.25, height: Positive = 1.0) -> Expr:
+def round_cone(p: Expr, radius: Positive = 0.6, height: Positive = 1.0, top: Positive = 0.25) -> Expr:
     """Convex hull of two balls on the y axis.
 
-    bottom, top : radii of the balls at y = -height / 2 and y = height / 2, each > 0.
+    radius, top : radii of the balls at y = -height / 2 and y = height / 2, each > 0.
     height : distance of the centres, greater than the difference of the radii.
 
     Exact: the distance to the slanted side where its normals meet the axis between the centres, else to a ball.
     """
     q = vec2(length(p.xz), p.y + 0.5 * height)
-    lean = (bottom - top) / height
+    lean = (radius - top) / height
     normal = vec2(sqrt(1.0 - lean * lean), lean)
     along = dot(q, vec2(-normal.y, normal.x))
-    side = dot(q, normal) - bottom
-    ball = where(along < 0.0, length(q) - bottom, side)
+    side = dot(q, normal) - radius
+    ball = where(along < 0.0, length(q) - radius, side)
     return where(along > normal.x * height, length(q - vec2(0.0, height)) - top, ball)
 
 
@@ -307,7 +307,7 @@ def _line_bounds(a: Any, b: Any, radius: Any) -> tuple[Expr, Expr]:
 
 
 @shape(exactness="exact", bounds=_line_bounds, check=_check_line, convex=True)
-def line(p: Expr, a: Vec3 = (-0.6, -0.5, -0.2), b: Vec3 = (0.6, 0.6, 0.3), radius: Positive = 0.2) -> Expr:
+def line(p: Expr, a: Vec3, b: Vec3, radius: Positive = 0.2) -> Expr:
     """Cylinder from a to b with flat ends; `capsule` has round ends.
 
     a, b : centres of the ends, distinct points. radius : length, > 0.
@@ -321,14 +321,15 @@ def line(p: Expr, a: Vec3 = (-0.6, -0.5, -0.2), b: Vec3 = (0.6, 0.6, 0.3), radiu
 
 @shape(
     exactness="exact",
-    bounds=lambda radius, thickness: cube(vec3(radius, 0.0, radius) + 0.5 * thickness),
+    bounds=lambda radius, thickness: cube(vec3(radius, 0.5 * thickness, radius)),
     symmetry="xyz",
     convex=True,
+    check=Fits(lambda radius, thickness: thickness <= 2.0 * radius, "thickness <= twice the radius"),
 )
-def disc(p: Expr, radius: Positive = 0.8, thickness: NonNegative = 0.1) -> Expr:
+def disc(p: Expr, radius: Positive = 1.0, thickness: NonNegative = 0.1) -> Expr:
     """Round plate perpendicular to the y axis, with a rounded rim.
 
-    radius : of the flat disc, > 0; the rim extends beyond it by half the thickness.
-    thickness : full thickness, >= 0; 0 gives a sheet without an inside.
+    radius : of the whole, the rim included, > 0.
+    thickness : full thickness, >= 0 and at most twice the radius; 0 gives a sheet without an inside.
     """
-    return length(vec2(max(length(p.xz) - radius, 0.0), p.y)) - 0.5 * thickness
+    return length(vec2(max(length(p.xz) - (radius - 0.5 * thickness), 0.0), p.y)) - 0.5 * thickness

@@ -46,17 +46,17 @@ def _steepness(data: Samples, size: Any) -> Expr:
     return max(data.steepest / min(cell.x, min(cell.y, cell.z)), 1.0)
 
 
-def _solid_box(data: Samples, size: Any, centre: Any) -> tuple[Expr, Expr]:
+def _solid_box(data: Samples, size: Any, center: Any) -> tuple[Expr, Expr]:
     """The cells that may contain part of the solid: those with a corner that is not outside."""
     inside = data.values <= 0.0
     if not inside.any():
-        return expr(centre), expr(centre)
+        return expr(center), expr(center)
     where = np.nonzero(inside)[::-1]
     counts = np.array(data.size)
     low = np.array([np.maximum(w.min() - 1, 0) for w in where]) / (counts - 1)
     high = np.array([np.minimum(w.max() + 1, n - 1) for w, n in zip(where, counts, strict=True)]) / (counts - 1)
-    lower = expr(centre) + expr(size) * tuple(low - 0.5)
-    return lower, expr(centre) + expr(size) * tuple(high - 0.5)
+    lower = expr(center) + expr(size) * tuple(low - 0.5)
+    return lower, expr(center) + expr(size) * tuple(high - 0.5)
 
 
 def _grid_spread(data: Samples, size: Any) -> Expr:
@@ -94,9 +94,9 @@ BALL = _some_grid()
     lipschitz=lambda data, size: length(vec2(1.0, _steepness(data, size))),
     spread=_grid_spread,
 )
-def sampled_grid(p: Expr, data: Data = BALL, size: Size3 = (2.0, 2.0, 2.0), centre: Vec3 = (0.0, 0.0, 0.0)) -> Expr:
+def sampled_grid(p: Expr, data: Data = BALL, size: Size3 = (2.0, 2.0, 2.0), center: Vec3 = (0.0, 0.0, 0.0)) -> Expr:
     """Distances on a regular grid whose outermost samples lie on the faces of a box."""
-    q = p - centre
+    q = p - center
     inside = clamp(q, -0.5 * size, 0.5 * size)
     value = sample(data, (inside / size + 0.5) * tuple(texels(data)))
     # Every point x of the solid lies in the convex box, so with c the nearest point of the box
@@ -107,7 +107,7 @@ def sampled_grid(p: Expr, data: Data = BALL, size: Size3 = (2.0, 2.0, 2.0), cent
 
 
 @checked
-def grid(values: ArrayLike, size: Vector | Scalar = (2.0, 2.0, 2.0), centre: Vector = (0.0, 0.0, 0.0)) -> Node:
+def grid(values: ArrayLike, size: Vector | Scalar = (2.0, 2.0, 2.0), center: Vector = (0.0, 0.0, 0.0)) -> Node:
     """A solid from signed distances on a regular grid.
 
     Parameters
@@ -115,7 +115,7 @@ def grid(values: ArrayLike, size: Vector | Scalar = (2.0, 2.0, 2.0), centre: Vec
     values : shape (nx, ny, nz), each 2 to 2048: values[i, j, k] is the distance at the i-th x, j-th y and k-th z, in
         any unit. The outermost samples lie on the faces of the box and must not be inside the solid.
     size : full extents of the box, > 0.
-    centre : centre of the box.
+    center : centre of the box.
 
     Interpolated linearly. A bound: the values are divided by their steepest slope. Values away from the surface that
     are steeper than twice the steepest slope there, such as 1e10 for unknown ones, are reduced. Outside the box the
@@ -129,12 +129,12 @@ def grid(values: ArrayLike, size: Vector | Scalar = (2.0, 2.0, 2.0), centre: Vec
             "rm.isosurface(values, level) for values that are no distances",
         )
     whole = Domain(VEC3, low=0.0, open=True, stretch=True).accept("grid", "size", size)
-    return sampled_grid(_as_distances(array, interval_of(whole)[0]), whole, centre)
+    return sampled_grid(_as_distances(array, interval_of(whole)[0]), whole, center)
 
 
 @checked
 def isosurface(
-    values: ArrayLike, level: Scalar, size: Vector | Scalar = (2.0, 2.0, 2.0), centre: Vector = (0.0, 0.0, 0.0)
+    values: ArrayLike, level: Scalar, size: Vector | Scalar = (2.0, 2.0, 2.0), center: Vector = (0.0, 0.0, 0.0)
 ) -> Node:
     """The solid where values on a regular grid are at least a level: of a density, a CT scan, a potential.
 
@@ -145,7 +145,7 @@ def isosurface(
     level : a number in the unit of the values, or an expression of a `Param` with min and max, which changes without a
         recompile. `isosurface(-values, -level)` is the solid below a level.
     size : full extents of the box, numbers > 0.
-    centre : centre of the box.
+    center : centre of the box.
 
     A bound. The values are mapped by an increasing function, so that each level has the slope 1 where it is steepest;
     then they are interpolated linearly. So a density that decays far away is marched as fast there as near its peak.
@@ -167,9 +167,9 @@ def isosurface(
     least = _mapped(lowest, values_at, heights) if at.is_constant else np.interp(lowest, values_at, heights)
     outside = least - np.interp(array, values_at, heights)
     if at.is_constant:
-        solid = sampled_grid(_as_distances(outside, extents), size, centre)
+        solid = sampled_grid(_as_distances(outside, extents), size, center)
     else:
-        solid = sampled_grid(Samples(outside.transpose(2, 1, 0)), size, centre)
+        solid = sampled_grid(Samples(outside.transpose(2, 1, 0)), size, center)
         inner = values_at[(values_at > lowest) & (values_at < highest)]
         ends = np.clip([lowest, *inner, highest], values_at[0], values_at[-1])
         steps = np.diff(np.interp(ends, values_at, heights)) / np.maximum(np.diff(ends), np.finfo(float).tiny)
@@ -179,7 +179,7 @@ def isosurface(
             if low < high
         ]
         solid = offset(solid, -max(sum_of(pieces), 0.0))
-    return solid if _least_on_faces(outside) >= 0.0 else solid & box(extents).translate(centre)
+    return solid if _least_on_faces(outside) >= 0.0 else solid & box(extents).translate(center)
 
 
 def finite_grid(what: str, values: ArrayLike, kind: str) -> NDArray[np.float64]:

@@ -32,7 +32,7 @@ def sphere(p: Expr, radius: Positive = 1.0) -> Expr:
 
 
 @shape(exactness="exact", bounds=lambda size: cube(0.5 * size), symmetry="xyz", convex=True)
-def box(p: Expr, size: Size3 = (1.0, 1.0, 1.0)) -> Expr:
+def box(p: Expr, size: Size3 = (2.0, 2.0, 2.0)) -> Expr:
     """Box about the origin.
 
     size : full extents along x, y and z, each > 0; one number gives a cube.

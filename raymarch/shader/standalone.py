@@ -54,7 +54,7 @@ class Setup:
         camera, where, origin = plan.given.camera, plan.given.camera.where, const(plan.origin)
         low, high = framed_box(plan.given.subject)
         target = const((low + high) / 2) if camera.target is None else camera.target
-        view = const(VIEW) if camera.direction is None else camera.direction
+        view = const(VIEW) if camera.view_from is None else camera.view_from
 
         def text(name: str, value: Operand) -> str:
             return values.text(f"camera_{name}", expr(value), where)

@@ -16,7 +16,7 @@ import numpy as np
 
 from raymarch.expr.node import Expr
 from raymarch.scene import light as lights
-from raymarch.scene.light import PENUMBRAS, Light, Sun
+from raymarch.scene.light import PENUMBRAS, Light
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import Param, Spec, Value
 from raymarch.scene.scene import Scene
@@ -31,6 +31,7 @@ KINDS: dict[str, type[Light]] = {kind.__name__: kind for kind in lights.KINDS}
 
 UNSET: Mapping[str, Any] = {
     "softness": 0.1,
+    "radius": 0.1,
     "range": 10.0,
     "shadow_radius": 10.0,
     "attenuation": (1.0, 0.0, 1.0),
@@ -40,14 +41,14 @@ UNSET: Mapping[str, Any] = {
 
 LIGHT_RANGES: Mapping[str, Range] = {
     **dict.fromkeys(("color", "intensity", "attenuation"), (0.0, None)),
-    **dict.fromkeys(("direction", "up"), (-1.0, 1.0)),
+    **dict.fromkeys(("direction", "sun_direction", "up"), (-1.0, 1.0)),
     **dict.fromkeys(("range", "shadow_radius"), (0.01, None)),
     **dict.fromkeys(("width", "height", "radius"), (0.01, 10.0)),
-    "softness": (0.0, 10.0),
-    "angle": (0.01, 3.1),
+    "softness": (0.0, 1.0),
+    "half_angle": (0.01, 3.1),
     "blend": (0.0, 1.0),
 }
-"""Ranges of the values of lights; the others have none. The softness of a sun ends at 1."""
+"""Ranges of the values of lights; the others have none."""
 
 OPTIONS: Mapping[str, tuple[Any, ...]] = {
     "shadow": (False, True),
@@ -79,7 +80,7 @@ OCCLUSION = {"occlusion": 1.0}
 
 @dataclass(frozen=True, slots=True)
 class LightEdit:
-    """An editable light: its kind and its constructor arguments. None and a softness of 0 are unset.
+    """An editable light: its kind and its constructor arguments. None, and a softness or radius of 0, are unset.
 
     `number` identifies its parameters and does not change when other lights are added or removed. Expressions of the
     scene file are kept and cannot be edited.
@@ -106,8 +107,9 @@ class LightEdit:
         return [n for n, v in self.values.items() if n not in OPTIONS and not (n in UNSET and _is_unset(v))]
 
     def with_value(self, name: str, value: Any) -> LightEdit:
-        """The light with another value. A softness needs a shadow."""
-        shadow = {"shadow": True} if name == "softness" and "shadow" in self.values else {}
+        """The light with another value. A softness, and the radius of a light that shines as a point, need a shadow."""
+        soft = name == "softness" or (name == "radius" and self.kind != "SphereLight")
+        shadow = {"shadow": True} if soft else {}
         return replace(self, values={**self.values, name: value, **shadow})
 
     def light(self) -> Light:
@@ -118,7 +120,7 @@ class LightEdit:
         made = dict(self.values)
         for name in self.moved:
             if is_number(made[name]):
-                ends = (0.0, 1.0) if name == "softness" and kind is Sun else LIGHT_RANGES.get(name, (None, None))
+                ends = LIGHT_RANGES.get(name, (None, None))
                 made[name] = _param(self.name(name), made[name], ends)
         return kind(**made)
 
@@ -216,11 +218,12 @@ def new_light(kind: str, number: int, scene: Scene) -> LightEdit:
     reach = 1.0 if subject is None or not subject.bounded or subject.empty else float(np.linalg.norm(subject.size))
     place = tuple(round(v, 3) for v in (0.6 * reach, 1.2 * reach, 0.8 * reach))
     first: dict[str, Any] = {
-        "direction": (0.4, 0.8, 0.45) if kind == "Sun" else (-0.4, -0.8, -0.45),
+        "sun_direction": (0.4, 0.8, 0.45),
+        "direction": (-0.4, -0.8, -0.45),
         "position": place,
         "width": round(0.5 * reach, 3),
         "height": round(0.5 * reach, 3),
-        "radius": round(0.1 * reach, 3),
+        "radius": round(0.1 * reach, 3) if kind == "SphereLight" else 0.0,
         "intensity": 1.0 if kind == "Sun" else round(reach**2, 3),
     }
     given = {n: v for n, v in first.items() if n in parameters_of(KINDS[kind])}

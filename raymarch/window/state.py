@@ -108,7 +108,7 @@ class State:
         if made.moved and scene.camera != self.scene.camera:
             changes.append("the camera is the file's, which is newer")
             projected = True
-        placed = scene.camera.position is not None or scene.camera.direction is not None
+        placed = scene.camera.position is not None or scene.camera.view_from is not None
         if projected or (not made.moved and placed):
             made.camera, made.moved = home(scene, made.values, made.aspect), False
         return made, changes

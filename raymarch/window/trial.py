@@ -63,7 +63,7 @@ def serve(forks: bool) -> None:
         out.write(json.dumps(answer) + "\n")
         out.flush()
 
-    prepare(Scene(box().round(0.1) | sphere()))  # forks then inherit the common definitions
+    prepare(Scene(box(1).round(0.1) | sphere()))  # forks then inherit the common definitions
     for line in sys.stdin:
         request = json.loads(line)
         if not forks:

@@ -38,7 +38,7 @@ def scene() -> rm.Scene:
     cut = (rm.box((1.6, 1.6, 1.6)) - rm.sphere(1.0)).translate((-1.3, 0, 0))
     ring = rm.union(rm.torus(0.8, 0.3), rm.sphere(0.6), k=0.3).rotate(1.1, "x").translate((1.3, 0.2, 0))
     camera = rm.Camera(position=(1.5, 2.5, 6.5), target=(0, 0, 0), fov=50)
-    return rm.Scene(cut | ring | rm.plane(offset=-0.9), camera, [rm.Sun(direction=(0.5, 1, 0.7), shadow=True)])
+    return rm.Scene(cut | ring | rm.plane(offset=-0.9), camera, [rm.Sun(sun_direction=(0.5, 1, 0.7), shadow=True)])
 
 
 def compile_basic(context: Context, epsilon: str = EPSILONS["epsilon 1e-4 t"]) -> Program:

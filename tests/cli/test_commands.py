@@ -197,10 +197,10 @@ def test_prove_says_what_is_proved(folder, capsys):
     assert run("prove", "hello.py", *where, "--strict") == 0
     assert capsys.readouterr().out.startswith("576 of 576 pixels proved at 32x18: nothing deeper than 0.05 px")
     found = json.loads((folder / "proof.json").read_text())
-    assert found["proved"] == 576 and found["contradicted"] == found["open"] == 0 and found["within"] == "0.05px"
+    assert found["proved"] == 576 and found["contradicted"] == found["open"] == 0 and found["tolerance"] == "0.05px"
     with Image.open(folder / "proof.png") as picture:
         assert picture.size == (32, 18)
-    for wrong in (("--within", "0px"), ("--json", "proof.txt"), ("-o", "proof.jpg"), ("--size", "3")):
+    for wrong in (("--tolerance", "0px"), ("--json", "proof.txt"), ("-o", "proof.jpg"), ("--size", "3")):
         assert run("prove", "hello.py", *wrong) == 2
         assert len(capsys.readouterr().err.splitlines()) == 1
 
@@ -228,7 +228,7 @@ BAD_SCENES = {
     "not a number": ("scene = rm.sphere('big')", 3, "'big'"),
     "zero size": ("scene = rm.box((1, 0, 1))", 3, "(1, 0, 1)"),
     "negative size": ("scene = rm.sphere(-1)", 3, "-1"),
-    "negative k": ("scene = rm.union(rm.sphere(), rm.box(), k=-0.5)", 3, "-0.5"),
+    "negative k": ("scene = rm.union(rm.sphere(), rm.box(1), k=-0.5)", 3, "-0.5"),
     "nan": ("scene = rm.sphere(float('nan'))", 3, "nan"),
     "infinity": ("scene = rm.sphere().translate((float('inf'), 0, 0))", 3, "inf"),
     "singular matrix": ("scene = rm.sphere().transform(np.diag([1, 1, 0, 1]))", 3, "singular"),

@@ -32,7 +32,7 @@ from tests.support.commands import files, run
 SCENE = """import raymarch as rm
 from colors import RED
 relief = rm.planar("maps/dots.png")
-scene = rm.Scene(rm.sphere().material(rm.Material(color=relief)) | rm.box().material(rm.Material(color=RED)))
+scene = rm.Scene(rm.sphere().material(rm.Material(color=relief)) | rm.box(1).material(rm.Material(color=RED)))
 """
 
 
@@ -58,7 +58,7 @@ scene = rm.Scene(left | right.translate((3, 0, 0)) | pair() | rm.plane(offset=-1
 """
 PARTS = """import raymarch as rm
 def pair():
-    left = rm.sphere(0.4) | rm.box()
+    left = rm.sphere(0.4) | rm.box(1)
     right = left.translate((0, 0, 2))
     return left.rotate(0.3) | right
 """
@@ -174,7 +174,7 @@ def test_an_error_on_a_worker_has_the_line_of_the_users_file(folder: Path) -> No
 
 def test_a_scene_is_sent_by_its_content() -> None:
     scene = rm.Scene(rm.sphere())
-    assert of_scene(scene).scene() == scene and of_scene(scene).digest != of_scene(rm.Scene(rm.box())).digest
+    assert of_scene(scene).scene() == scene and of_scene(scene).digest != of_scene(rm.Scene(rm.box(1))).digest
     with pytest.raises(rm.SceneError, match="scene"):
         of_scene("scene.py")  # type: ignore[arg-type]
 
@@ -222,7 +222,7 @@ def test_equal_failures_are_one_line() -> None:
 def test_a_large_picture_is_drawn_in_tiles_and_resumed(
     name: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (folder / "ball.py").write_text("import raymarch as rm\nscene = rm.Scene(rm.sphere(1.2) | rm.box())\n")
+    (folder / "ball.py").write_text("import raymarch as rm\nscene = rm.Scene(rm.sphere(1.2) | rm.box(1))\n")
     command = ("render", "ball.py", "--size", "70x50", "-o", name)
     assert run(*command) == 0
     whole, plain = np.asarray(Image.open(name)), Path(name).read_bytes()

@@ -69,7 +69,7 @@ def test_without_maps_each_picture_is_its_mean(renderer):
     picture = np.random.default_rng(2).uniform(0, 1, (8, 8, 3))
 
     def scene(material):
-        node = rm.union(rm.sphere().material(material), rm.box().translate((1, 0, 0)), k=0.2)
+        node = rm.union(rm.sphere().material(material), rm.box(1).translate((1, 0, 0)), k=0.2)
         return rm.Scene(node.repeat(4, 3))
 
     painted = rm.Material(albedo=rm.triplanar(picture), height=rm.triplanar(picture[..., 0], 0.5))

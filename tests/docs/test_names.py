@@ -52,7 +52,7 @@ def test_what_stands_there_runs(names: str, call: str, tmp_path: Path, monkeypat
     monkeypatch.chdir(tmp_path)
     Path("model.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    given = {"rm": rm, "np": np, "a": rm.box(), "b": rm.sphere(0.6).translate((0.4, 0.2, 0)), "f": rm.star()}
+    given = {"rm": rm, "np": np, "a": rm.box(1), "b": rm.sphere(0.6).translate((0.4, 0.2, 0)), "f": rm.star()}
     node = eval(call, given)
     assert isinstance(node, rm.Node)
     points = np.random.default_rng(1).uniform(-1, 1, (50, node.dimension))
@@ -62,7 +62,7 @@ def test_what_stands_there_runs(names: str, call: str, tmp_path: Path, monkeypat
 
 @pytest.mark.parametrize("code", re.findall(r"`([^`]+)`", TERMS))
 def test_the_rendering_terms_run(code: str) -> None:
-    given = {"rm": rm, "n": 2, "Quality": rm.Quality, "Scene": lambda **given: rm.Scene(rm.box(), **given)}
+    given = {"rm": rm, "n": 2, "Quality": rm.Quality, "Scene": lambda **given: rm.Scene(rm.box(1), **given)}
     assert eval(code, given) is not None
 
 

@@ -24,7 +24,7 @@ def opened(png: bytes) -> Image.Image:
 
 
 @pytest.mark.parametrize(
-    "shown", [rm.torus(), rm.star(), rm.Scene(rm.box(), sky=(1, 0, 0))], ids=["solid", "flat", "scene"]
+    "shown", [rm.torus(), rm.star(), rm.Scene(rm.box(1), sky=(1, 0, 0))], ids=["solid", "flat", "scene"]
 )
 def test_nodes_and_scenes_are_pictures(shown: Any) -> None:
     image = opened(shown._repr_png_())

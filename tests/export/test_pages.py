@@ -83,7 +83,7 @@ def test_a_page_is_small_and_needs_no_network(name: str, tmp_path: Path) -> None
 
 def test_a_structure_is_not_chosen_by_a_conditional_operator(tmp_path: Path) -> None:
     """WebGL refuses it, though GLSL ES 3.00 and the reference compiler allow it."""
-    solid = rm.sphere().material(rm.Material(color=(1, 0, 0))) | rm.box().translate((1, 0, 0))
+    solid = rm.sphere().material(rm.Material(color=(1, 0, 0))) | rm.box(1).translate((1, 0, 0))
     _, data = page(rm.Scene(solid, lights=[rm.Sun()]), tmp_path)
     assert "Material chosen(bool condition, Material yes, Material no)" in data["shader"]
     assert not re.search(r"\? Material\(", data["shader"])

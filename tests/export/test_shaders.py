@@ -41,13 +41,13 @@ def scenes() -> dict[str, rm.Scene]:
         "framed": rm.Scene(rm.torus(1, 0.3)),
         "parameters": rm.Scene(ball | rm.plane(offset=-0.8), camera=moving, lights=[rm.Sun(shadow=True)]),
         "hoisted": rm.Scene(
-            rm.box().rotate(rm.time * 0.5).translate((0, sin(rm.time), 0)),
-            rm.Camera(direction=vec3(sin(rm.time), 0.4, 1.0)),
+            rm.box(1).rotate(rm.time * 0.5).translate((0, sin(rm.time), 0)),
+            rm.Camera(view_from=vec3(sin(rm.time), 0.4, 1.0)),
             lights=[rm.PointLight((3, 4, 5), intensity=20)],
         ),
-        "samples": rm.Scene(rm.box().rotate(0.4), quality=rm.Quality(samples=4), tone=rm.ToneMapping("aces", 0.5)),
-        "cones": rm.Scene(rm.box().rotate(0.4), quality=rm.Quality(schedule="cones", temporal="reproject")),
-        "split": rm.Scene(rm.box().rotate(0.4), quality=rm.Quality(steps_per_pass=8, rays="interpolated")),
+        "samples": rm.Scene(rm.box(1).rotate(0.4), quality=rm.Quality(samples=4), tone=rm.ToneMapping("aces", 0.5)),
+        "cones": rm.Scene(rm.box(1).rotate(0.4), quality=rm.Quality(schedule="cones", temporal="reproject")),
+        "split": rm.Scene(rm.box(1).rotate(0.4), quality=rm.Quality(steps_per_pass=8, rays="interpolated")),
         "inside": rm.Scene(rm.sphere(3).shell(0.1), camera=rm.Camera((0, 0.2, 1), (0, 0, 0))),
         "sky": rm.Scene(rm.sphere().material(rm.Material(albedo=(0.8, 0.5, 0.2), metalness=1.0)), sky=lit),
         "paths": rm.Scene(ball | rm.plane(offset=-0.8), sky=lit, bounces=2, quality=rm.Quality(samples=3)),
@@ -195,7 +195,7 @@ def test_small_data_are_constants(name: str, renderer: Renderer, tmp_path: Path)
 
 def test_large_textures_are_samplers_and_arrays(renderer: Renderer, tmp_path: Path) -> None:
     image = np.random.default_rng(3).uniform(0, 1, (32, 32, 3))
-    solid = rm.box().rotate(0.5).material(rm.Material(albedo=rm.triplanar(image)))
+    solid = rm.box(1).rotate(0.5).material(rm.Material(albedo=rm.triplanar(image)))
     scene = rm.Scene(solid | rm.grid(np.linalg.norm(np.mgrid[-1:1:20j, -1:1:20j, -1:1:20j], axis=0) - 0.6))
     wanted = picture(renderer, scene)
     text = export_text(tmp_path, scene)
@@ -224,7 +224,7 @@ def test_a_label_does_not_continue_its_comment_in_the_next_line() -> None:
 def test_textures_replace_no_file_of_the_user(tmp_path: Path) -> None:
     """Of the files that the export does not name itself, it replaces those of an earlier export alone."""
     image = np.random.default_rng(3).uniform(0, 1, (64, 64, 3))
-    scene = rm.Scene(rm.box().material(rm.Material(albedo=rm.triplanar(image))))
+    scene = rm.Scene(rm.box(1).material(rm.Material(albedo=rm.triplanar(image))))
     beside = tmp_path / "made.textures.npz"
     user = (lambda: np.savez(beside, mine=1), lambda: beside.write_text("mine"), lambda: beside.symlink_to("x"))
     for make in user:

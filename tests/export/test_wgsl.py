@@ -109,7 +109,7 @@ def test_the_compiler_takes_examples(name: str, device: Device, tmp_path: Path) 
 
 
 def test_what_shaders_set_while_they_draw_is_declared(device: Device, tmp_path: Path) -> None:
-    solid = rm.sphere(0.5) | rm.box().translate((2, 0, 0)).visible(camera=False) | rm.plane(offset=-0.5)
+    solid = rm.sphere(0.5) | rm.box(1).translate((2, 0, 0)).visible(camera=False) | rm.plane(offset=-0.5)
     scene = rm.Scene(solid, occlusion=rm.AmbientOcclusion(3), sky=rm.GradientSky(light=True))
     code = text(scene, tmp_path)
     points = np.random.default_rng(4).uniform((1.4, -0.4, -0.6), (2.6, 0.6, 0.6), (64, 3)).astype(np.float32)
@@ -140,7 +140,7 @@ def test_the_compiler_of_a_browser_takes_examples(tmp_path: Path) -> None:
 
 
 def test_the_compiler_finds_faults(device: Device, tmp_path: Path) -> None:
-    code = text(rm.Scene(rm.box()), tmp_path)
+    code = text(rm.Scene(rm.box(1)), tmp_path)
     assert "lengths" in device.refused(code.replace("length(", "lengths(", 1))
 
 

@@ -42,7 +42,7 @@ WRONG = {
         r"box takes one vector \(box\(\(1, 2, 3\)\)\)",
     ),
     "too many": (
-        lambda: rm.box().twist(1, 2),  # type: ignore[call-arg]
+        lambda: rm.box(1).twist(1, 2),  # type: ignore[call-arg]
         r"twist takes up to 1 argument, 2 were given \(rate\)",
     ),
     "too few": (
@@ -50,7 +50,7 @@ WRONG = {
         r"PointLight needs 'position' \(position, color,",
     ),
     "a name of a function": (
-        lambda: rm.union(rm.sphere(), rm.box(), smooth=0.2),  # type: ignore[call-arg]
+        lambda: rm.union(rm.sphere(), rm.box(1), smooth=0.2),  # type: ignore[call-arg]
         r"union has no parameter 'smooth' \(did you mean 'k'\? legal: k, blend, steps\)",
     ),
     "a name of a render": (
@@ -63,7 +63,7 @@ WRONG = {
     ),
     "a name of a method of a class": (
         lambda: rm.Camera.framing(rm.sphere(), angle=30),  # type: ignore[call-arg]
-        r"framing has no parameter 'angle' \(did you mean 'fov'\? legal: node, direction",
+        r"framing has no parameter 'angle' \(did you mean 'fov'\? legal: node, view_from",
     ),
     "too many of a function": (
         lambda: rm.Param("r", 1, 0, 2, 3),  # type: ignore[call-arg]

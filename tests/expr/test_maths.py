@@ -151,12 +151,12 @@ NAMES: dict[str, tuple[Callable[[], Any], str]] = {
     "of a node, with its axis": (lambda: rm.sphere().rotate_x(1), r"did you mean .rotate\(angle, \"x\"\)\?"),
     "of a node, a colour": (lambda: rm.sphere().color, r"did you mean .material\(rm.Material\(color=...\)\)\?"),
     "of a scene": (lambda: rm.Scene(rm.sphere()).background, r"a Scene has no 'background' \(did you mean .sky\?"),
-    "plus": (lambda: rm.sphere() + rm.box(), r"sphere \+ box \(use a \| b for the union, node.translate"),
-    "a sum": (lambda: sum([rm.sphere(), rm.box()]), r"0 \+ sphere \(use a \| b for the union"),
+    "plus": (lambda: rm.sphere() + rm.box(1), r"sphere \+ box \(use a \| b for the union, node.translate"),
+    "a sum": (lambda: sum([rm.sphere(), rm.box(1)]), r"0 \+ sphere \(use a \| b for the union"),
     "times": (lambda: rm.sphere() * 2, r"sphere \* 2 \(use node.scale\(factor\)"),
     "a material": (lambda: rm.sphere().material("red"), r"material = 'red' \(str\) \(rm.Material\(color=...\)\)"),
     "an axis to leave alone": (lambda: rm.box(0.5).repeat((0, 0, 2.4)), "None leaves an axis alone: repeat"),
-    "a list in a union": (lambda: rm.union([rm.sphere(), rm.box()]), r"of a list, union\(\*nodes\)\)"),  # type: ignore[arg-type]
+    "a list in a union": (lambda: rm.union([rm.sphere(), rm.box(1)]), r"of a list, union\(\*nodes\)\)"),  # type: ignore[arg-type]
     "a pattern as a value": (
         lambda: rm.vec3("gold") * rm.noise(0, 1),
         r"the value of the function, such as pattern\(p\)",
@@ -167,10 +167,10 @@ NAMES: dict[str, tuple[Callable[[], Any], str]] = {
     "a part of a name": (lambda: rm.cyl, r"did you mean rm.cylinder\?"),
     "a name with a suffix": (lambda: rm.render_png, r"did you mean rm.render\?"),
     "no name of Python's": (lambda: rm.loader, r"raymarch has no 'loader' \(help\(raymarch\)"),
-    "a measure": (lambda: rm.box().volume, r"did you mean rm.triangulate\(node\).volume\?"),
+    "a measure": (lambda: rm.box(1).volume, r"did you mean rm.triangulate\(node\).volume\?"),
     "not near": (lambda: rm.wheel, r"raymarch has no 'wheel' \(help\(raymarch\)"),
     "no attribute of nodes": (lambda: rm.bars, r"raymarch has no 'bars' \(did you mean rm.union\("),
-    "a list of nodes": (lambda: rm.Scene([rm.sphere(), rm.box()]), r"\(rm.union\(\*nodes\)\)"),
+    "a list of nodes": (lambda: rm.Scene([rm.sphere(), rm.box(1)]), r"\(rm.union\(\*nodes\)\)"),
 }
 
 

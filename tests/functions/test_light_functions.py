@@ -73,7 +73,7 @@ def test_a_spot_without_a_soft_edge_rises_within_a_millionth_of_the_cosine(egl: 
     cosine = np.array([-1.0, 0.0, 0.5, 0.5 + 2.0**-21, 0.5 + 2.0**-19, 0.75, 1.0])
     points = np.stack([np.sqrt(1 - cosine**2), 0 * cosine, -cosine], axis=1)
     for blend, width in ((0.0, 1e-6), (1 - np.arccos(0.75) / (np.pi / 3), 0.25)):
-        spot = rm.SpotLight((0, 0, 0), (0, 0, -1), angle=np.pi / 3, blend=blend)
+        spot = rm.SpotLight((0, 0, 0), (0, 0, -1), half_angle=np.pi / 3, blend=blend)
         direction, _, radiance = sampled(egl, spot, points)
         rise = np.clip((direction[:, 2].astype(float) - 0.5) / width, 0.0, 1.0) ** 2
         far2 = np.sum(points.astype(np.float32).astype(float) ** 2, axis=1)

@@ -104,7 +104,7 @@ def test_operands_through_materials_and_booleans_alone() -> None:
 
 def test_an_empty_operand_has_no_box() -> None:
     nothing = rm.sphere() & rm.sphere().translate((9, 0, 0))
-    names = [b.name for b in boxes_of(rm.Scene(nothing | rm.box()))]
+    names = [b.name for b in boxes_of(rm.Scene(nothing | rm.box(1)))]
     assert "hard_intersection" not in names and "box" in names
 
 

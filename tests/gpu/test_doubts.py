@@ -65,7 +65,12 @@ def test_render_warns_of_an_empty_picture():
     [
         (rm.sphere().translate((10 * rm.time, 0, 0)), 5, {}, r"lies between \(49, -1, -1\) and \(51, 1, 1\)"),
         (rm.sphere().translate((rm.Param("x", 0.0), 0, 0)), 0, {"x": -50.0}, "lies between"),
-        (rm.sphere().rotate(1, "z").translate((rm.time, 0, 0)) & rm.box().scale(1 + rm.time**2), 8, {}, "lies between"),
+        (
+            rm.sphere().rotate(1, "z").translate((rm.time, 0, 0)) & rm.box(1).scale(1 + rm.time**2),
+            8,
+            {},
+            "lies between",
+        ),
         (rm.sphere().translate((rm.time, 0, 0)) & rm.sphere().translate((-rm.time, 0, 0)), 5, {}, "the solid is empty"),
     ],
 )
@@ -181,7 +186,7 @@ def test_a_camera_inside_a_solid(context):
     with rm.Renderer((24, 18), context=context) as renderer:
         (doubt,) = renderer.render(rm.Scene(ball, camera)).doubts()
         assert doubt.startswith("the camera is 0.8 deep inside a solid")
-        wall = rm.box().translate((100, 0, -4))
+        wall = rm.box(1).translate((100, 0, -4))
         for node in (ball.visible(camera=False) | wall, ball.complement(), ball.shell(0.1)):
             assert not renderer.render(rm.Scene(node, camera)).doubts()
         water = rm.Material(transmission=1)

@@ -20,7 +20,7 @@ from raymarch.scene.parameter import Values
 
 SIZE = (40, 30)
 RADIUS = rm.Param("radius", 1.0, 0.2, 2.0)
-SCENE = rm.Scene(rm.sphere(RADIUS) | rm.box().translate((1.5, 0, 0)))
+SCENE = rm.Scene(rm.sphere(RADIUS) | rm.box(1).translate((1.5, 0, 0)))
 
 
 @pytest.fixture
@@ -110,7 +110,7 @@ def test_scenes_are_prepared_in_another_thread(renderer: Renderer) -> None:
 
     def work() -> None:
         found.append(value_of(RADIUS))
-        scene = rm.Scene(rm.sphere(RADIUS) | rm.box().translate((1.5, 0, 0)))
+        scene = rm.Scene(rm.sphere(RADIUS) | rm.box(1).translate((1.5, 0, 0)))
         found.append((scene, prepare(scene)))
 
     with bound({"radius": 0.3}, 0.0):

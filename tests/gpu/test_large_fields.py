@@ -50,7 +50,7 @@ def test_the_estimate_is_near_what_was_measured(build: Callable[[], rm.Node], me
 
 
 def test_ordinary_fields_and_loops_compile_soon() -> None:
-    assert plan(rm.Scene(rm.union(rm.sphere(), rm.box(), k=0.2))).compile_seconds < 0.1
+    assert plan(rm.Scene(rm.union(rm.sphere(), rm.box(1), k=0.2))).compile_seconds < 0.1
     assert plan(rm.Scene(rm.mandelbulb())).compile_seconds < 1.0
 
 

@@ -135,7 +135,7 @@ def test_glsl_materials_and_colours_are_looked_at(renderer: rm.Renderer) -> None
 
 def test_a_slope_beyond_its_promise_is_named(renderer: rm.Renderer) -> None:
     planted, line = steeper().translate((-1.2, 0, 0)).rotate(0.2, "z"), here()
-    found = find_slopes(renderer, rm.Scene(planted | rm.box().translate((1.2, 0, 0)) | rm.plane(offset=-1.1), CAMERA))
+    found = find_slopes(renderer, rm.Scene(planted | rm.box(1).translate((1.2, 0, 0)) | rm.plane(offset=-1.1), CAMERA))
     by_name = {report.name: report for report in found.reports}
     wrong = by_name["steeper"]
     assert (wrong.where and wrong.where.line, wrong.promise, wrong.broken, wrong.inherits) == (line, 1.0, True, False)
@@ -180,13 +180,13 @@ def test_what_is_sound_is_found_sound(renderer: rm.Renderer) -> None:
     """Cells that differ, copies, the plane, data, a fractal, textures of lights, glass and samples of a pixel."""
     data = rm.heightmap(np.hypot(*np.mgrid[-4:5, -4:5]) / 8, (2, 2))
     cells = rm.repeat_varied(lambda i: rm.sphere(0.1 + 0.2 * rm.hash(i)), 1.0, (3, 1, 3))
-    parts = [cells, data, rm.star().extrude(0.3), rm.box().twist(0.5), rm.text("a").extrude(0.2)]
+    parts = [cells, data, rm.star().extrude(0.3), rm.box(1).twist(0.5), rm.text("a").extrude(0.2)]
     solid = rm.union(*[part.translate((1.6 * k - 3, 0, 0)) for k, part in enumerate(parts)]).repeat((None, None, 4), 2)
     lamps = [rm.PointLight((k, 3, 0), shadow=True) for k in range(10)]
     scenes = [
         rm.Scene(solid | rm.plane(offset=-1).material(rm.Material(rm.checker((1, 1, 1), (0, 0, 0)))), CAMERA, lamps),
         rm.Scene(rm.sphere().material(rm.Material(transmission=1)) | rm.plane(offset=-1), CAMERA, sky=rm.GradientSky()),
-        rm.Scene(rm.box().translate((1e6, 0, 0)), quality=rm.Quality(samples=4, temporal="accumulate")),
+        rm.Scene(rm.box(1).translate((1e6, 0, 0)), quality=rm.Quality(samples=4, temporal="accumulate")),
     ]
     for scene in scenes:
         found = probe_with(renderer, scene)
@@ -196,7 +196,7 @@ def test_what_is_sound_is_found_sound(renderer: rm.Renderer) -> None:
 
 
 def test_the_probe_leaves_the_renderer_as_it_was(renderer: rm.Renderer) -> None:
-    scene = rm.Scene(rm.sphere() | rm.box().translate((1, 0, 0)), CAMERA)
+    scene = rm.Scene(rm.sphere() | rm.box(1).translate((1, 0, 0)), CAMERA)
     before = renderer.render(scene).color
     probe_with(renderer, scene)
     assert np.array_equal(renderer.render(scene).color, before)

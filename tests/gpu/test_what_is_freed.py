@@ -66,7 +66,7 @@ def closed(renderer: Renderer, i: int) -> None:
 
 
 def looked_at(renderer: Renderer, i: int) -> None:
-    probe_with(renderer, rm.Scene(rm.sphere() | rm.box(), rm.Camera((0, 0, 4 + i), (0, 0, 0))))
+    probe_with(renderer, rm.Scene(rm.sphere() | rm.box(1), rm.Camera((0, 0, 4 + i), (0, 0, 0))))
 
 
 @pytest.mark.parametrize(

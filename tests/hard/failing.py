@@ -77,7 +77,7 @@ def scenes() -> list[rm.Scene]:
     height = rm.heightmap(np.linspace(0, 1, 64).reshape(8, 8))
     return [
         rm.Scene(height, here, lamps, quality=rm.Quality(schedule="cone", samples=2)),
-        rm.Scene(rm.box(), here, quality=rm.Quality(temporal="accumulate")),
+        rm.Scene(rm.box(1), here, quality=rm.Quality(temporal="accumulate")),
     ]
 
 

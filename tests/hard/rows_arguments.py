@@ -53,7 +53,7 @@ def odd_arguments(world: World) -> Iterator[Figure]:
         (lambda: scene.replace(quality=scene.quality.replace(max_steps=131071)), ("max_steps = 131071", "60000")),
         (lambda: setattr(scene, "quality", rm.Quality()), ("cannot be assigned", ".replace(quality=...)")),
         (lambda: rm.sphere(10**400), ("an integer of", "> 0")),
-        (lambda: rm.box().shear(0.5, np.eye(2)), ("shear: axis", "'x', 'y' and 'z'")),
+        (lambda: rm.box(1).shear(0.5, np.eye(2)), ("shear: axis", "'x', 'y' and 'z'")),
     )
     back = pickle.loads(pickle.dumps(scene))
     yield Figure("scenes that are others after a pickle", back != scene, 0, "equal fields are equal scenes")

@@ -48,7 +48,7 @@ def far_away(world: World) -> Iterator[Figure]:
         lost = int(np.sum(np.isfinite(one.depth)[calm] != np.isfinite(two.depth)[calm]))
         yield Figure(f"hits of hello at {far:.7g} lost or found, off edges", lost, 0, "the same scene")
     lamp = rm.PointLight((1, 2, 2), intensity=4, shadow=True)
-    parts = (rm.box().rotate(0.4, (1, 2, 3)).scale(0.8) - rm.sphere(0.5)).material(rm.Material((0.8, 0.3, 0.1)))
+    parts = (rm.box(1).rotate(0.4, (1, 2, 3)).scale(0.8) - rm.sphere(0.5)).material(rm.Material((0.8, 0.3, 0.1)))
     node = rm.union(parts, rm.torus(0.8, 0.2), k=0.2).shell(0.05) | rm.plane(offset=-0.7)
     mixed = rm.Scene(node, rm.Camera((2, 1.5, 3), (0, 0, 0)), [lamp])
     one, two = (world.draw(s, outputs=("color", "depth", "normal")) for s in (mixed, displaced(mixed, (1e6, 1e6, 1e6))))

@@ -13,7 +13,7 @@ from raymarch.truth import silhouettes
 from tests.hard.world import ULP, Figure, World, case
 
 SIZE = (48, 36)
-NODE = rm.box() - rm.sphere(0.65)
+NODE = rm.box(1) - rm.sphere(0.65)
 KEEP = rm.Quality(temporal="accumulate")
 HERE, THERE = rm.Camera((2, 1.5, 3), (0, 0, 0)), rm.Camera((-2, 1.0, 2), (0, 0.1, 0))
 

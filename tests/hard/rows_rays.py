@@ -131,7 +131,7 @@ def coplanar(world: World) -> Iterator[Figure]:
 @case(7, "a shape united with itself")
 def self_union(world: World) -> Iterator[Figure]:
     """Two equal distances are a tie at every point."""
-    node = rm.box() - rm.sphere(0.65)
+    node = rm.box(1) - rm.sphere(0.65)
     one = world.draw(rm.Scene(node), outputs=("color", "depth"))
     for name, other in (("|", node | node), ("&", node & node), ("union of 3", rm.union(node, node, node))):
         two = world.draw(rm.Scene(other), outputs=("color", "depth"))

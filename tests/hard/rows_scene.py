@@ -19,9 +19,9 @@ from raymarch.sdf.domain import Domain
 from raymarch.sdf.noise import hash
 from tests.hard.world import ULP, Figure, World, bytes_off, case, refusals, steepest
 from tests.support.glsl_harness import evaluate
-from tests.support.node_samples import Field, definitions
+from tests.support.node_samples import USUAL, Field, definitions, usual
 
-BOTH = (rm.box(), rm.sphere(0.6).translate((0.4, 0.3, 0)))
+BOTH = (rm.box(1), rm.sphere(0.6).translate((0.4, 0.3, 0)))
 
 
 @case(8, "order in a smooth chain")
@@ -72,9 +72,9 @@ def no_size(world: World) -> Iterator[Figure]:
         (lambda: rm.box((1, 0, 1)), ("box: size", "> 0")),
         (lambda: rm.torus(1, -0.1), ("torus: minor = -0.1", "> 0")),
         (lambda: rm.cylinder(1, 0), ("cylinder: height = 0", "> 0")),
-        (lambda: rm.box().scale(0), ("factor = 0", "> 0")),
-        (lambda: rm.box().scale((1, -1, 1)), ("factors", "> 0")),
-        (lambda: rm.box().shell(0), ("thickness = 0", "> 0")),
+        (lambda: rm.box(1).scale(0), ("factor = 0", "> 0")),
+        (lambda: rm.box(1).scale((1, -1, 1)), ("factors", "> 0")),
+        (lambda: rm.box(1).shell(0), ("thickness = 0", "> 0")),
     )
     accepted = []
     for definition in definitions():
@@ -107,7 +107,7 @@ def not_a_number(world: World) -> Iterator[Figure]:
                 accepted += [f"{definition.name}.{name}"] * _accepts(domain, definition.name, name, value)
     yield Figure(f"accepted, of {tried}", len(accepted), 0, "every number is finite")
     yield refusals(
-        (lambda: rm.sphere(np.nan), ("radius = nan", "finite")), (lambda: rm.box().translate((0, np.inf, 0)), ("inf",))
+        (lambda: rm.sphere(np.nan), ("radius = nan", "finite")), (lambda: rm.box(1).translate((0, np.inf, 0)), ("inf",))
     )
 
 
@@ -220,7 +220,7 @@ def no_spacing(world: World) -> Iterator[Figure]:
 @case(20, "uneven scale")
 def uneven_scale(world: World) -> Iterator[Figure]:
     """Distances along the axis with the smallest factor are overestimated unless that factor scales them."""
-    for node in (rm.sphere().scale((3, 0.2, 1)), rm.box().rotate(0.7, (1, 2, 3)).scale((0.1, 5, 1))):
+    for node in (rm.sphere().scale((3, 0.2, 1)), rm.box(1).rotate(0.7, (1, 2, 3)).scale((0.1, 5, 1))):
         yield Figure(
             f"slope of {node.children[0].name}.scale over its promise", steepest(node), 1 + 1e-9, "1-Lipschitz"
         )
@@ -230,13 +230,13 @@ def uneven_scale(world: World) -> Iterator[Figure]:
 def matrices(world: World) -> Iterator[Figure]:
     """A singular matrix gives no field. A reflection inverts normals that are computed as cross products."""
     flat, mirror = np.diag([1.0, 0, 1, 1]), np.diag([-1.0, 1, 1, 1])
-    yield refusals((lambda: transform(rm.box(), flat), ("matrix", "invert")))
+    yield refusals((lambda: transform(rm.box(1), flat), ("matrix", "invert")))
     node = transform(rm.sphere().translate((0.5, 0, 0)), mirror)
     points = np.random.default_rng(4).normal(size=(1000, 3))
     outward = points - (-0.5, 0, 0)
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
     yield Figure("error of its normals", float(np.abs(node.gradient(points) - outward).max()), 1e-12, "rounding")
-    sheared = transform(rm.box(), [[1.5, 0.4, 0, 0], [0, 0.7, 0.3, 0], [0.1, 0, -1, 0], [0, 0.4, 0, 1]])
+    sheared = transform(rm.box(1), [[1.5, 0.4, 0, 0], [0, 0.7, 0.3, 0], [0.1, 0, -1, 0], [0, 0.4, 0, 1]])
     yield Figure("slope of a sheared one over its promise", steepest(sheared), 1 + 1e-9, "1-Lipschitz")
 
 
@@ -276,12 +276,12 @@ def ellipsoid(world: World) -> Iterator[Figure]:
 @case(25, "shell of a subtraction")
 def shell_of_bound(world: World) -> Iterator[Figure]:
     """The offset of a field that is only a bound is not at the requested distance. `explain` warns about it."""
-    cut = rm.box() - rm.sphere(0.6)
+    cut = rm.box(1) - rm.sphere(0.6)
     warned = sum(
         any("acts on a bound field" in w for w in plan(rm.Scene(n)).warnings) for n in (cut.shell(0.1), cut.round(0.1))
     )
     yield Figure("offsets of a bound without a warning, of 2", 2 - warned, 0, "exactness is a fact")
-    quiet = plan(rm.Scene(rm.box().shell(0.1))).warnings
+    quiet = plan(rm.Scene(rm.box(1).shell(0.1))).warnings
     yield Figure("warnings about an exact one", len(quiet), 0, "the offset of an exact field is exact")
     known = json.loads(json.dumps(explain.as_dict(plan(rm.Scene(cut.shell(0.1))), {})))["warnings"]
     yield Figure("warnings missing in --json", 1 - len(known), 0, "both say the same")
@@ -335,13 +335,10 @@ def _bad_gradients(world: World, points: np.ndarray) -> tuple[int, int]:
 
     bad = tried = 0
     for definition in definitions():
-        if (
-            definition.arity != "none"
-            or definition.dimension != 3
-            or len(definition.defaults) < len(definition.domains)
-        ):
+        given = definition.defaults.keys() | USUAL.get(definition.name, {}).keys()
+        if definition.arity != "none" or definition.dimension != 3 or given != definition.domains.keys():
             continue
-        node = definition.make([], (), {})
+        node = usual(definition)
         whole = companion(lower(node))
         single = evaluator([whole.body], whole.params, np.float32)(points.astype(np.float32))[0]
         slope = np.linalg.norm(np.broadcast_to(single, (len(points), 4))[:, :3].astype(np.float64), axis=1)

@@ -36,7 +36,11 @@ def test_random_trees_are_within_it(egl: Context) -> None:
 def test_it_is_no_wider_than_it_must_be() -> None:
     """For most definitions, with simple children, it is some ulp of the size of the solid."""
     tight = []
-    operands = {"none": [], "one": [rm.box((1, 0.8, 0.6))], "many": [rm.sphere(0.6), rm.box().translate((0.4, 0.2, 0))]}
+    operands = {
+        "none": [],
+        "one": [rm.box((1, 0.8, 0.6))],
+        "many": [rm.sphere(0.6), rm.box(1).translate((0.4, 0.2, 0))],
+    }
     for arity, children in operands.items():
         for definition in random_trees.BY_ARITY[arity]:
             node = random_trees.made(definition.name, children, 0)

@@ -74,7 +74,7 @@ def scenes() -> Iterator[tuple[str, rm.Node]]:
         "rounded boxes": scattered(rounded(0.4, 1.2, 0.1), 6, 1),
         "polyhedra": scattered(one_of(*polyhedra), 6, 2),
         "prisms": scattered(one_of(*prisms, low=0.4, high=0.8), 6, 3),
-        "carved": scattered(lambda _: rm.box() - rm.sphere(0.62) - rm.cylinder(0.2, 2), 4, 5),
+        "carved": scattered(lambda _: rm.box(1) - rm.sphere(0.62) - rm.cylinder(0.2, 2), 4, 5),
         "blended": blended(),
         "torus": scattered(lambda _: rm.torus(0.6, 0.2), 5, 7),
         "twist and bend": [bent[0], bent[1].translate((1.3, 0, 0))],

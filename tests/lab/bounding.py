@@ -34,7 +34,7 @@ from raymarch.plan.bounding import BoundedUnion
 from raymarch.shader.assemble import Shader
 from tests.support.timing import frame_times
 
-SUN = rm.Sun(direction=(0.6, 1, 0.5), shadow=True)
+SUN = rm.Sun(sun_direction=(0.6, 1, 0.5), shadow=True)
 
 
 def rows(form: Callable[[int], rm.Node], count: int) -> rm.Scene:

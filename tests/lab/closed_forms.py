@@ -23,7 +23,7 @@ import numpy as np
 import raymarch as rm
 from tests.support.timing import frame_times
 
-SUN = rm.Sun(direction=(1, 2, 1.5), shadow=True)
+SUN = rm.Sun(sun_direction=(1, 2, 1.5), shadow=True)
 
 
 def interior(mirror: bool = False) -> rm.Scene:

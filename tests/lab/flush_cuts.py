@@ -18,7 +18,7 @@ import raymarch as rm
 
 PLATE = (40.0, 10.0, 40.0)
 FLOOR = rm.plane(offset=-20)
-SUN = rm.Sun(direction=(1, 2, 1.5), shadow=True)
+SUN = rm.Sun(sun_direction=(1, 2, 1.5), shadow=True)
 MIRROR = rm.Material(albedo=(0.9, 0.9, 0.9), metalness=1, roughness=0)
 GLASS = rm.Material(transmission=1.0, roughness=0)
 TREE = rm.Quality(integrator="whitted")

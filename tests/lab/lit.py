@@ -106,13 +106,14 @@ class Text:
     def light(self, light: dict[str, Any]) -> str:
         name = {"sun": "Sun", "point": "PointLight", "spot": "SpotLight"}[light["kind"]]
         parts = []
+        called = {"direction": "sun_direction"} if name == "Sun" else {"angle": "half_angle"}
         for key, value in light.items():
             if key in ("position", "direction"):
-                parts.append(f"{key}={self.vector(value, True)}")
+                parts.append(f"{called.get(key, key)}={self.vector(value, True)}")
             elif key == "intensity":
                 parts.append(f"{key}={self.number(value)}")
             elif key != "kind":
-                parts.append(f"{key}={value!r}")
+                parts.append(f"{called.get(key, key)}={value!r}")
         return f"rm.{name}({', '.join(parts)})"
 
     def scene(self, spec: Spec) -> str:

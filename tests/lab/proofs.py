@@ -59,7 +59,7 @@ def _tried(scene: rm.Scene, given: argparse.Namespace, frame: Any = None) -> rm.
     width, height = map(int, given.size.split("x"))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return rm.prove(scene, frame, size=(width, height), within=given.within)
+        return rm.prove(scene, frame, size=(width, height), tolerance=given.within)
 
 
 def _row(name: str, found: rm.Proof, begun: float) -> None:

@@ -97,7 +97,7 @@ def _sky(mi: Any) -> dict[str, Any]:
 
 
 SHADOWED = {"shadow": True}
-SUN = {"direction": (1.0, 1.5, 0.5), **SHADOWED}
+SUN = {"sun_direction": (1.0, 1.5, 0.5), **SHADOWED}
 
 
 def _metal(roughness: float) -> tuple[Callable[[], rm.Material], dict[str, Any]]:
@@ -118,7 +118,7 @@ SCENES = {
     "spot": Compared(
         lambda: {
             "lights": [
-                rm.SpotLight((0.5, 3.5, 1.0), (-0.3, -3.3, -0.9), angle=0.6, blend=0.0, intensity=12, shadow=True)
+                rm.SpotLight((0.5, 3.5, 1.0), (-0.3, -3.3, -0.9), half_angle=0.6, blend=0.0, intensity=12, shadow=True)
             ]
         },
         _matte,

@@ -73,7 +73,7 @@ class Pair:
         light: Any = rm.Sun(tuple(self.light), shadow=True, **soft)
         if self.place == "point":
             far = 10.0 * self.distance
-            soft |= {} if hard else {"softness": self.softness * far}
+            soft = {} if hard else {"radius": self.softness * far, "penumbra": self.penumbra}
             light = rm.PointLight(tuple(far * self.light), intensity=far * far, shadow=True, **soft)
         color = 1.0 if self.bounces == 0 else 0.01  # what other surfaces send is not to count
         paint = rm.Material((color, color, color), ambient=0.0, specular=0.0)

@@ -138,9 +138,9 @@ class Spelling:
         forms = [
             lambda: rm.capsule((0, -h / 2, 0), (0, h / 2, 0), r),
             lambda: (
-                rm.round_cone(r, r, h).translate((0, -h / 2, 0))
-                if abs(rm.round_cone(r, r, h).bounds[0][1] + r) < 1e-9 * r
-                else rm.round_cone(r, r, h)
+                rm.round_cone(r, h, r).translate((0, -h / 2, 0))
+                if abs(rm.round_cone(r, h, r).bounds[0][1] + r) < 1e-9 * r
+                else rm.round_cone(r, h, r)
             ),
             lambda: rm.stroke((0, -h / 2), (0, h / 2), 2 * r).revolve(),
             lambda: rm.capsule((0, -h / 2, 0), (0, h / 2, 0), 0.4 * r).round(0.6 * r),
@@ -654,12 +654,12 @@ def scene_of(spec: Spec, spelling: Spelling, moved: Similarity) -> rm.Scene:
     lights: list[Any] = []
     for light in spec.lights:
         given = {key: value for key, value in light.items() if key != "kind"}
-        for key in ("position", "direction"):
+        for key in ("position", "direction", "sun_direction"):
             if key in given:
                 given[key] = (moved.point if key == "position" else moved.direction)(given[key])
         if "position" in given:
             given["intensity"] = given.get("intensity", 1.0) * s * s
-        for key in ("radius", "range", "softness"):
+        for key in ("radius", "range"):
             if key in given and "position" in given:
                 given[key] = s * given[key]
         lights.append(
@@ -893,16 +893,16 @@ def drawn(seed: int) -> Spec:
         made["kind"] = kind
         if kind != "ball" and made["shadow"] and draw.chance(0.3):
             made["penumbra"] = draw.one("two-sided", "cone", "triangulated")
-            made["softness"] = 0.1 if kind == "sun" else 0.2 * u
+            made |= {"softness": 0.1} if kind == "sun" else {"radius": 0.2 * u}
         if kind == "sun":
-            made["direction"] = tuple(map(float, towards))
+            made["sun_direction"] = tuple(map(float, towards))
         else:
             away = u * float(10 ** r.uniform(0.2, 4))
             made["position"] = tuple(map(float, away * towards))
             made["intensity"] *= away * away
             if kind == "spot":
                 made["direction"] = tuple(map(float, -towards + 0.1 * min(1, u / away) * r.normal(size=3)))
-                made["angle"] = float(min(1.2, max(0.02, 1.2 * u / away)))
+                made["half_angle"] = float(min(1.2, max(0.02, 1.2 * u / away)))
             if kind == "ball":
                 made["radius"] = draw.u(0.05, 0.3)
         lights.append(made)
@@ -1063,7 +1063,7 @@ class Court:
 
 def smaller(spec: Spec) -> Iterator[Spec]:
     plain: dict[str, Any] = {"near": 0.0, "far": None, "height": None, "fog": None, "occlusion": None, "bounces": 0}
-    yield from with_less(spec, {**plain, "sky_light": False}, ("shadow", "softness", "penumbra"))
+    yield from with_less(spec, {**plain, "sky_light": False}, ("shadow", "softness", "radius", "penumbra"))
     yield from with_plain_materials(spec, range(len(spec.materials)))
 
 

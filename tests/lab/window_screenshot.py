@@ -23,7 +23,7 @@ ring = rm.torus(1.6, 0.2).rotate(0.6, "x").material(gold)
 scene = rm.Scene(
     ball | ring | rm.plane(offset=-1.4).material(rm.Material(color=(0.25, 0.35, 0.4))),
     camera=rm.Camera(position=(3, 2.2, 6.5), target=(0, 0, 0)),
-    lights=[rm.Sun(direction=(1, 2, 1.5), shadow=True), rm.PointLight(position=(-3, 2, 4), intensity=4)],
+    lights=[rm.Sun(sun_direction=(1, 2, 1.5), shadow=True), rm.PointLight(position=(-3, 2, 4), intensity=4)],
     sky=rm.GradientSky(light=True),
 )
 """

@@ -21,7 +21,7 @@ def ripples(amplitude: float) -> rm.Node:
 
 
 NODES = {
-    "turned": rm.box().rotate(3.0 * rm.time, (1, 2, 3)),
+    "turned": rm.box(1).rotate(3.0 * rm.time, (1, 2, 3)),
     "moved": rm.sphere().translate((sin(rm.time), rm.time * SIZE, 0)),
     "grown": rm.sphere(0.5 + 0.1 * sin(rm.time)) | rm.torus().rotate(rm.time),
     "waves": ripples(0.02).rotate(0.5 * rm.time),

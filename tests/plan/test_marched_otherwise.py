@@ -15,12 +15,12 @@ SIZE = (640, 360)
 FAR = rm.Camera(position=(1e7, 0, 4), target=(1e7, 0, 0))
 SCENES = {
     "closed forms": rm.Scene(rm.sphere() | rm.plane(offset=-1) | rm.torus()),
-    "blend, shadow": rm.Scene(rm.union(rm.box(), rm.sphere(), k=0.1), lights=[rm.Sun(shadow=True)]),
+    "blend, shadow": rm.Scene(rm.union(rm.box(1), rm.sphere(), k=0.1), lights=[rm.Sun(shadow=True)]),
     "estimate": rm.Scene(rm.mandelbulb()),
-    "far": rm.Scene(rm.box().round(0.1).translate((1e7, 0, 0)), camera=FAR, lights=[rm.PointLight((1e7, 3, 0))]),
-    "samples": rm.Scene(rm.box() | rm.torus(), quality=Quality(samples=4)),
+    "far": rm.Scene(rm.box(1).round(0.1).translate((1e7, 0, 0)), camera=FAR, lights=[rm.PointLight((1e7, 3, 0))]),
+    "samples": rm.Scene(rm.box(1) | rm.torus(), quality=Quality(samples=4)),
     "rows": rm.Scene(rm.union(*(rm.sphere(0.1 + i / 999).translate((i, 0, 0)) for i in range(40)))),
-    "bloom": rm.Scene(rm.box().round(0.1) | rm.sphere(), post=[rm.Bloom()]),
+    "bloom": rm.Scene(rm.box(1).round(0.1) | rm.sphere(), post=[rm.Bloom()]),
 }
 QUALITIES = {
     "default": {},

@@ -406,7 +406,7 @@ def test_motion_vectors_and_exports_keep_moving_objects_as_text():
 
 def test_unions_below_other_operators():
     many = rm.union(*objects(40))
-    assert count(many.translate((1, 2, 3)).rotate(0.3).scale(2.0) - rm.box()) == 40
+    assert count(many.translate((1, 2, 3)).rotate(0.3).scale(2.0) - rm.box(1)) == 40
     assert count(many.material(rm.Material()) & rm.sphere(3)) == 40
     assert count(many.scale((1, 2, 1)).shear(0.5, "x", "y")) == 40
     assert count(many.round(0.1)) == 0
@@ -435,7 +435,7 @@ def test_the_plan_says_which_and_why():
 
 
 def test_a_tree_without_objects_stays_and_one_with_them_has_their_rows():
-    alone = rm.box().translate((1, 0, 0)) & rm.sphere(2)
+    alone = rm.box(1).translate((1, 0, 0)) & rm.sphere(2)
     assert gather(alone, "data", 0.0).node is alone
     turned = (rm.union(*objects(9)) - rm.plane()).rotate(0.3).scale(2.0)
     made = gather(turned, "data", 0.0)
@@ -450,19 +450,19 @@ def test_the_reason_for_text_is_what_was_asked_for():
 
 
 def test_shadows_of_lights_read_the_field_up_to_their_size():
-    """The softness of a light at a place is a length, that of a direction is an angle, which widens with the way."""
+    """The radius of a light is a length; the softness of a sun is an angle, which widens with the way."""
     ball = rm.sphere(2.0)
 
     def distance(light, **more):
         return exact_distance(rm.Scene(ball, lights=[light], **more))
 
-    cone = {"shadow": True, "softness": 0.2, "penumbra": "cone"}
+    cone = {"shadow": True, "penumbra": "cone"}
     size = largest_size(rm.Scene(ball))
     np.testing.assert_allclose(size, 4 * np.sqrt(3))
-    assert distance(rm.PointLight((0, 5, 0), **cone)) == 0.2
-    np.testing.assert_allclose(distance(rm.Sun((0, 1, 0), **cone)), 0.2 * size)
-    assert distance(rm.Sun((0, 1, 0), **cone | {"penumbra": "sampled"})) == 0.0
-    assert distance(rm.PointLight((0, 5, 0), **cone | {"softness": 100.0})) == size
+    assert distance(rm.PointLight((0, 5, 0), radius=0.2, **cone)) == 0.2
+    np.testing.assert_allclose(distance(rm.Sun((0, 1, 0), softness=0.2, **cone)), 0.2 * size)
+    assert distance(rm.Sun((0, 1, 0), shadow=True, softness=0.2, penumbra="sampled")) == 0.0
+    assert distance(rm.PointLight((0, 5, 0), radius=100.0, **cone)) == size
     assert distance(rm.Sun((0, 1, 0)), occlusion=rm.AmbientOcclusion(4, reach=0.7)) == 0.7
 
 

@@ -105,8 +105,8 @@ def test_the_picture_of_an_unlit_scene_needs_no_normal_but_its_geometry_does() -
         (rm.sphere(), True),
         (rm.plane(), True),
         (rm.plane((1, 1, 0)), False),
-        (rm.box().repeat((2, None, None)), True),
-        (rm.box().repeat(2), False),
+        (rm.box(1).repeat((2, None, None)), True),
+        (rm.box(1).repeat(2), False),
         (rm.sphere() | rm.plane((1, 1, 0)), False),
         (rm.sphere() & rm.plane((1, 1, 0)), True),
     ],
@@ -140,16 +140,16 @@ def test_equal_shapes_count_once() -> None:
 
 def test_only_shapes_count_as_shapes() -> None:
     """Not the blends between them, and not the functions that hold them."""
-    three = rm.union(rm.sphere(), rm.box(), rm.torus(), k=0.3)
+    three = rm.union(rm.sphere(), rm.box(1), rm.torus(), k=0.3)
     assert plan(scene(three)).shapes == 3
-    inside = (rm.sphere().translate((0.3, 0, 0)) | rm.box()).repeat((4, None, None))
+    inside = (rm.sphere().translate((0.3, 0, 0)) | rm.box(1)).repeat((4, None, None))
     assert plan(scene(inside)).shapes == 2
 
 
 def test_more_is_more_work() -> None:
-    one, two = plan(scene(rm.sphere())), plan(scene(rm.sphere() | rm.box()))
+    one, two = plan(scene(rm.sphere())), plan(scene(rm.sphere() | rm.box(1)))
     assert 0 < one.operations < two.operations
-    copies = plan(scene((rm.sphere() | rm.box().translate((0.3, 0.2, 0.1))).repeat(5)))
+    copies = plan(scene((rm.sphere() | rm.box(1).translate((0.3, 0.2, 0.1))).repeat(5)))
     assert copies.operations > 8 * two.operations  # as many look-ups of a child that is not its own mirror image
 
 
@@ -202,7 +202,7 @@ def test_warnings_are_about_what_may_not_be_meant() -> None:
     assert plan(scene()).warnings == []
     (empty,) = plan(scene(rm.sphere() & rm.sphere().translate((5, 0, 0)))).warnings
     assert "empty" in empty
-    cut = (rm.sphere() - rm.box()).shell(0.1)
+    cut = (rm.sphere() - rm.box(1)).shell(0.1)
     (offset,) = plan(scene(cut)).warnings
     assert f"shell at {cut.where}" in offset and "bound" in offset
     assert plan(scene(rm.sphere().round(0.1))).warnings == []
@@ -219,7 +219,7 @@ def test_warnings_are_about_what_may_not_be_meant() -> None:
 
 
 RICH = rm.Scene(
-    (rm.sphere(rm.Param("r", 1, 0.5, 2)) - rm.box()).shell(0.1).material(RED)
+    (rm.sphere(rm.Param("r", 1, 0.5, 2)) - rm.box(1)).shell(0.1).material(RED)
     | rm.plane().translate((0, -2, 0)).material(BLUE),
     lights=[rm.Sun((rm.time, 1, 0), shadow=True)],
     fog=rm.Fog(),
@@ -286,7 +286,7 @@ def test_an_empty_part_is_warned_of_with_its_line() -> None:
     """Its boxes show it: two balls that do not meet, in a scene that has more."""
     apart = rm.sphere() & rm.sphere().translate((5, 0, 0))
     assert apart.where is not None
-    (warning,) = plan(rm.Scene(apart.rotate(0.3, "x") | rm.box())).warnings
+    (warning,) = plan(rm.Scene(apart.rotate(0.3, "x") | rm.box(1))).warnings
     assert warning.startswith(f"intersection at {apart.where}") and "empty" in warning
     assert any("the solid is empty" in found for found in plan(rm.Scene(apart)).warnings)
     assert not plan(rm.Scene(rm.sphere() & rm.sphere().translate((1, 0, 0)))).warnings
@@ -297,7 +297,7 @@ def test_unions_under_rigid_transforms_are_solved_one_by_one() -> None:
         closed = plan(rm.Scene(node)).analytic
         return len(closed.solved), len(closed.marched)
 
-    pair = rm.sphere() | rm.box().translate((2, 0, 0)).material(rm.Material())
+    pair = rm.sphere() | rm.box(1).translate((2, 0, 0)).material(rm.Material())
     assert solved(pair.rotate(0.3).scale(2.0).material(rm.Material()).translate((0, 1, 0)) | rm.plane()) == (3, 0)
     assert solved(pair.scale((1, 2, 1)) | rm.plane()) == (1, 1)
     assert solved((pair | rm.torus()).rotate(0.3) | rm.plane()) == (1, 1)

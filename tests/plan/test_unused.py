@@ -67,7 +67,7 @@ CASES: dict[str, tuple[rm.Scene, rm.Scene]] = {
     ),
     "Camera(shutter=...) has no effect": (
         scene(camera=rm.Camera(shutter=0.1)),
-        scene(camera=rm.Camera(shutter=0.1), **sun(direction=(rm.time, 1, 0))),
+        scene(camera=rm.Camera(shutter=0.1), **sun(sun_direction=(rm.time, 1, 0))),
     ),
     "Camera(focus=...) has no effect": (
         scene(camera=rm.Camera(focus=3)),

@@ -42,7 +42,7 @@ def test_all_hits_of_a_picture_are_proved() -> None:
 
 
 def test_the_reference_is_proved_within_a_millionth_of_a_pixel() -> None:
-    found = rm.prove(SCENE, rm.truth(SCENE, SIZE, outputs=("depth",)), within="1e-6px")
+    found = rm.prove(SCENE, rm.truth(SCENE, SIZE, outputs=("depth",)), tolerance="1e-6px")
     assert found.contradicted == 0 and found.share > 0.99
 
 
@@ -65,7 +65,7 @@ def test_a_hit_that_is_early_or_late_on_a_grazing_ray_is_told_apart() -> None:
     scene = rm.Scene(rm.plane(), camera=rm.Camera((0, 1, 0), (0, 0, -100), fov=1e-4))
     depth = np.full((3, 3), float(np.hypot(1, 100)))
     for off in (-0.5, 0.0, 0.5):
-        found = rm.prove(scene, with_depth(depth * (1.0 + off / depth)), within=0.05)
+        found = rm.prove(scene, with_depth(depth * (1.0 + off / depth)), tolerance=0.05)
         assert found.share == 1.0 and found.grazing.all() == (off != 0.0) == found.grazing.any()
     assert "for 9 of them in space, but not along the ray, which grazes it" in str(found)
 
@@ -145,13 +145,13 @@ def test_time_and_parameters() -> None:
         (with_depth(np.full((4, 4), np.nan)), "0.05px", "NaN"),
         (with_depth(np.full((4, 4), -1.0)), "0.05px", "below 0"),
         (None, "0px", "above 0"),
-        (None, "half", "within"),
-        (None, -1.0, "within"),
+        (None, "half", "tolerance"),
+        (None, -1.0, "tolerance"),
     ],
 )
 def test_bad_input_is_one_line(frame: object, within: object, words: str) -> None:
     with pytest.raises(SceneError, match=words) as fault:
-        rm.prove(SCENE, frame, within=within)  # type: ignore[arg-type]
+        rm.prove(SCENE, frame, tolerance=within)  # type: ignore[arg-type]
     assert "\n" not in str(fault.value)
 
 

@@ -45,13 +45,13 @@ def test_no_ray_passes_a_thin_solid(
     scene = rm.Scene(solid(cut), camera(elevation, 3.0 if solid is fins else 1.6), quality=rm.Quality(analytic=False))
     frame = renderer.render(scene, outputs=("depth",))
     assert np.isfinite(frame.depth).mean() > 0.05
-    assert rm.prove(scene, frame, within=TOLERANCE).contradicted == 0
+    assert rm.prove(scene, frame, tolerance=TOLERANCE).contradicted == 0
 
 
 def test_no_ray_passes_the_pile_of_a_carpet(renderer: rm.Renderer) -> None:
     scene = load(CARPET)
     frame = renderer.render(scene.replace(quality=rm.Quality()), outputs=("depth",))
-    found = rm.prove(scene, frame, within=TOLERANCE)
+    found = rm.prove(scene, frame, tolerance=TOLERANCE)
     assert found.contradicted == 0 and found.share > 0.995
 
 
@@ -60,7 +60,7 @@ def test_a_hit_at_an_edge_is_near_it(renderer: rm.Renderer) -> None:
     for turn in np.linspace(0, 1, 4):
         node = rm.box((1, 1, 1)).rotate(0.3 + turn, (1, 2, 3)) - rm.box((1.2, 0.3, 0.3)).rotate(0.3 + turn, (1, 2, 3))
         scene = rm.Scene(node, camera(0.4, 3.0, turn), quality=rm.Quality(analytic=False))
-        assert rm.prove(scene, renderer.render(scene, outputs=("depth",)), within=TOLERANCE).contradicted == 0
+        assert rm.prove(scene, renderer.render(scene, outputs=("depth",)), tolerance=TOLERANCE).contradicted == 0
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ from raymarch.scene.parameter import Values
 
 SIZE = (48, 36)
 LAMP = rm.Material(emission=(20, 12, 4))
-NODE = rm.sphere(0.3).material(LAMP) | rm.box().translate((1, 0, 0))
+NODE = rm.sphere(0.3).material(LAMP) | rm.box(1).translate((1, 0, 0))
 PLAIN = rm.Scene(NODE, rm.Camera((0, 0, 6)), sky=(0.02, 0.02, 0.05))
 
 Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ from raymarch.plan.hoisting import with_hoisted
 from raymarch.scene.parameter import Values
 from raymarch.shader.assemble import assemble
 
-SUN = rm.Sun(direction=(0.5, 1, 0.4), shadow=True)
+SUN = rm.Sun(sun_direction=(0.5, 1, 0.4), shadow=True)
 RED = rm.Material(color=(0.8, 0.2, 0.1))
 PATTERNS = ((0.05, "x"), (0.2, "y"))
 

@@ -17,7 +17,7 @@ def renderer() -> Iterator[rm.Renderer]:
         yield made
 
 
-BOX = rm.box()
+BOX = rm.box(1)
 WRITTEN = {
     "sheared": BOX.shear(1.0).shear(-1.0),
     "twist": BOX.twist(2),
@@ -42,7 +42,7 @@ def test_a_convex_solid_occludes_nothing_of_itself(renderer: rm.Renderer, name: 
 def test_a_penumbra_is_as_wide_however_its_solid_is_written(renderer: rm.Renderer, penumbra: str) -> None:
     plate = rm.box((2, 0.4, 2))
     camera = rm.Camera(position=(0, 0.75, 0.001), target=(0, 0, 0), fov=60)
-    light = rm.Sun(direction=(0, 1, 0), shadow=True, softness=0.2, penumbra=penumbra)
+    light = rm.Sun(sun_direction=(0, 1, 0), shadow=True, softness=0.2, penumbra=penumbra)
     found = []
     for solid in (plate, plate.shear(1.0).shear(-1.0), plate.displace(1e-4, 8000)):
         scene = rm.Scene(solid.translate((-1, 1, 0)) | rm.plane(), camera, lights=[light], sky=rm.Sky((0, 0, 0)))

@@ -163,7 +163,7 @@ def test_a_box_seen_through_a_long_lens_is_lit_on_its_outside(renderer: rm.Rende
     fov = float(np.degrees(2 * np.arctan(0.9 / distance)))
     camera = rm.Camera(tuple(direction * distance), (0, 0, 0), fov=fov)
     sun = unit(np.array([0.3, 0.4, 1.0]))
-    frame = renderer.render(rm.Scene(rm.box(), camera, [rm.Sun(tuple(sun))]), outputs=("color", "normal"))
+    frame = renderer.render(rm.Scene(rm.box(1), camera, [rm.Sun(tuple(sun))]), outputs=("color", "normal"))
     for axis in range(3):
         face = frame.normal[..., axis] == 1
         assert face.any()
@@ -471,7 +471,7 @@ def test_a_far_horizon_is_seen_through_a_long_lens(renderer: rm.Renderer) -> Non
 def test_positions_are_those_of_the_hits_also_far_from_the_origin(renderer: rm.Renderer) -> None:
     """The shader's coordinates are relative to a point near the camera there; positions are those of the scene."""
     for place in (0.0, 1e5):
-        node = (rm.sphere() | rm.box().rotate(0.3, "y").translate((1.5, 0, 0))).translate((place, 0, 0))
+        node = (rm.sphere() | rm.box(1).rotate(0.3, "y").translate((1.5, 0, 0))).translate((place, 0, 0))
         scene = rm.Scene(node, rm.Camera((place, 1, 6), (place, 0, 0)))
         frame = renderer.render(scene, outputs=("position", "depth"))
         assert frame.pose is not None

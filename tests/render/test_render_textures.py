@@ -137,7 +137,7 @@ def test_equal_pictures_are_one_texture_on_the_device(renderer: Renderer) -> Non
 
 def test_what_a_part_does_not_show_is_not_read(renderer: Renderer) -> None:
     """The weight of a texture is 0 where another part is seen: the text says so."""
-    shown = rm.sphere().material(rm.Material(rm.planar(tiles()))) | rm.box().material(rm.Material((1, 0, 0)))
+    shown = rm.sphere().material(rm.Material(rm.planar(tiles()))) | rm.box(1).material(rm.Material((1, 0, 0)))
     text = " ".join(renderer.prepared(rm.Scene(shown)).texts["color"].split())
     calls = re.findall(r"filtered\(u_texels.*?\)", text)
     assert len(calls) == 1 and re.search(r", (\w+) \? 1\.0 : 0\.0\)$", calls[0])
@@ -190,7 +190,7 @@ def test_textures_far_from_the_origin_are_those_near_it(renderer: Renderer) -> N
         bumpy = rm.Material(rm.triplanar(tiles(), 0.5), height=rm.planar(tiles()[..., 0], 0.5), height_scale=0.05)
         floor = rm.plane(offset=-0.6).material(rm.Material(rm.planar(tiles(), 1, "y")))
         camera = rm.Camera(tuple(np.add(place, (1, 1.5, 3))), place)
-        pictures.append(renderer.render(rm.Scene((rm.box().material(bumpy) | floor).translate(place), camera)).color)
+        pictures.append(renderer.render(rm.Scene((rm.box(1).material(bumpy) | floor).translate(place), camera)).color)
     assert np.percentile(np.abs(pictures[0] - pictures[1]), 99.9) < 1e-3
 
 

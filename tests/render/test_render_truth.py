@@ -114,7 +114,7 @@ def grazes(scene: rm.Scene, values: Values, known: Truth, at: Any, pixel: float)
     epsilon = EPSILON * pixel * known.depth[at]
     start = known.position + known.depth[at] * known.direction[at] + 2 * epsilon * known.normal[at]
     for light in scene.lights:
-        way = values.of(light.direction) * 20.0 if isinstance(light, rm.Sun) else values.of(light.position) - start
+        way = values.of(light.sun_direction) * 20.0 if isinstance(light, rm.Sun) else values.of(light.position) - start
         with bound(values.params, values.time):
             along = scene.node.distance(start + np.linspace(0, 1, 20_000)[:, None] * way)
         lowest = (along[1:-1] <= along[:-2]) & (along[1:-1] <= along[2:])

@@ -495,7 +495,7 @@ def test_a_renderer_plans_the_functions_of_a_scene_once(monkeypatch):
         return plan(*args, **named)
 
     monkeypatch.setattr("raymarch.gpu.prepared_scenes.plan", counted)
-    scene = rm.Scene(rm.union(rm.box(), rm.sphere(), k=0.1))
+    scene = rm.Scene(rm.union(rm.box(1), rm.sphere(), k=0.1))
     with rm.Renderer((16, 9)) as renderer:
         for epsilon in (0.5, 0.1, 0.02):
             made = scene.replace(quality=rm.Quality(epsilon=epsilon))

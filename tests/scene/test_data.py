@@ -13,7 +13,7 @@ from raymarch.gpu.context import Context
 
 AXES = [np.linspace(c - 0.5 * s, c + 0.5 * s, n) for c, s, n in zip((1, 0, -2), (2, 3, 4), (5, 7, 9), strict=True)]
 X, Y, Z = np.meshgrid(*AXES, indexing="ij")
-BOX = {"size": (2, 3, 4), "centre": (1, 0, -2)}
+BOX = {"size": (2, 3, 4), "center": (1, 0, -2)}
 
 
 def test_a_trilinear_function_is_itself_between_its_samples() -> None:

@@ -66,8 +66,8 @@ BAD = [
         "up = [0.0, 0.0, 0.0] is parallel",
         "not parallel to the view",
     ),
-    (lambda: rm.Camera((0, 0, 5), direction=(1, 0, 0)), "direction = (1, 0, 0) with a position", "or a position"),
-    (lambda: rm.Camera(direction=(0, 0, 0)), "direction = (0, 0, 0)", "any length but 0"),
+    (lambda: rm.Camera((0, 0, 5), view_from=(1, 0, 0)), "view_from = (1, 0, 0) with a position", "or a position"),
+    (lambda: rm.Camera(view_from=(0, 0, 0)), "view_from = (0, 0, 0)", "any length but 0"),
     (lambda: rm.Camera((0, 0, 5), (0, 0, 0), (0, 1e-12, 1)), "up = [0.0, 1e-12, 1.0]", "not parallel to the view"),
     (
         lambda: rm.Camera((9, 9, 9), (0, 0, 0), (1, 1, 1)),
@@ -156,7 +156,7 @@ def test_an_unplaced_camera_frames_the_box(solid: Any, size: tuple[int, int], fo
 def test_a_direction_turns_a_camera_that_sees_everything(projection: str, aspect: float) -> None:
     """At any proportions of the picture; an end of a long solid touches the margin."""
     around = rm.vec3(rm.sin(rm.time), 0.5, rm.cos(rm.time))
-    scene = rm.Scene(rm.box((6, 2, 0.5)) | rm.plane(offset=-1), rm.Camera(projection=projection, direction=around))
+    scene = rm.Scene(rm.box((6, 2, 0.5)) | rm.plane(offset=-1), rm.Camera(projection=projection, view_from=around))
     corners = np.array(list(itertools.product((-3, 3), (-1, 1), (-0.25, 0.25))))
     for time in (0.0, 1.0, 4.0):
         pose = scene.pose(set_values(scene.parameters, {}, time=time), aspect)

@@ -62,7 +62,7 @@ def test_nodes_know_their_line(tmp_path: Path) -> None:
         """\
         import raymarch as rm
         ball = rm.sphere()
-        block = rm.box()
+        block = rm.box(1)
         scene = ball | block
         """,
     )
@@ -224,7 +224,7 @@ def crooked(p):
         ("import raymarch as rm\n\nscene = rm.sphere(0)\n", 3, ("sphere: radius = 0", "> 0")),
         ("import raymarch as rm\ndef scene():\n    return rm.box((1, -1, 1))\n", 3, ("(1, -1, 1)", "> 0")),
         ("import raymarch as rm\nscene = rm.sphere().material('red')\n", 2, ("material = 'red'", "Material(color")),
-        ("import raymarch as rm\n\nscene = rm.sphere().union(rm.box(), k=-1)\n", 3, ("k = -1", ">= 0")),
+        ("import raymarch as rm\n\nscene = rm.sphere().union(rm.box(1), k=-1)\n", 3, ("k = -1", ">= 0")),
         ("import raymarch as rm\nrm.PointLight()\n", 2, ("PointLight needs 'position'",)),
         ("import raymarch as rm\nrm.Sun(colour=(1, 1, 1))\n", 2, ("did you mean 'color'",)),
         ("import raymarch as rm\nscene = rm.Scene(rm.sphere(), camera=rm.Camera(fov=0))\n", 2, ("fov = 0",)),
@@ -284,9 +284,9 @@ def test_data_lies_beside_the_scene_or_in_the_working_directory(
     beside.mkdir()
     here.mkdir()
     monkeypatch.chdir(here)
-    code = "import raymarch as rm\nscene = rm.box().material(rm.Material(albedo=rm.planar('grey.png')))\n"
+    code = "import raymarch as rm\nscene = rm.box(1).material(rm.Material(albedo=rm.planar('grey.png')))\n"
     (beside / "scene.py").write_text(code)
-    words = r"scene.py:2: planar: picture: no file 'grey.png' \(tried: .*scenes.*grey.png, "
+    words = r"scene.py:2: planar: source: no file 'grey.png' \(tried: .*scenes.*grey.png, "
     with pytest.raises(SceneError, match=words):
         load(beside / "scene.py")
     for folder, grey in ((here, 50), (beside, 200)):  # the one beside the scene comes first
@@ -295,7 +295,9 @@ def test_data_lies_beside_the_scene_or_in_the_working_directory(
         assert round(float(texture.pixels.max()) * 255) == grey
 
 
-@pytest.mark.parametrize("call", ["rm.text('A', size=2)", "rm.marble(scale=3)", "rm.instances(rm.box(), positions=[])"])
+@pytest.mark.parametrize(
+    "call", ["rm.text('A', size=2)", "rm.marble(scale=3)", "rm.instances(rm.box(1), positions=[])"]
+)
 def test_a_call_with_wrong_arguments_is_answered_with_the_parameters(tmp_path: Path, call: str) -> None:
     file = tmp_path / "wrong.py"
     file.write_text(f"import raymarch as rm\nscene = {call}\n")

@@ -24,10 +24,10 @@ NAN, INF = math.nan, math.inf
 FLAT = rm.shape(exactness="exact", bounds=lambda: ((-1.0, -1.0), (1.0, 1.0)), dimension=2)(lambda p: p.x * 0.5)
 
 BAD = [
-    (lambda: rm.Sun(direction=(0, 0, 0)), "Sun: direction = (0, 0, 0)", "not all zero"),
-    (lambda: rm.Sun(direction=(0, NAN, 0)), "Sun: direction = (0, nan, 0)", "3 finite numbers"),
-    (lambda: rm.Sun(direction="up"), "Sun: direction = 'up'", "3 finite numbers"),
-    (lambda: rm.Sun(direction=(1, 0)), "Sun: direction = (1, 0)", "3 finite numbers"),
+    (lambda: rm.Sun(sun_direction=(0, 0, 0)), "Sun: sun_direction = (0, 0, 0)", "not all zero"),
+    (lambda: rm.Sun(sun_direction=(0, NAN, 0)), "Sun: sun_direction = (0, nan, 0)", "3 finite numbers"),
+    (lambda: rm.Sun(sun_direction="up"), "Sun: sun_direction = 'up'", "3 finite numbers"),
+    (lambda: rm.Sun(sun_direction=(1, 0)), "Sun: sun_direction = (1, 0)", "3 finite numbers"),
     (lambda: rm.Sun(color=(1, -0.1, 1)), "Sun: color = (1, -0.1, 1)", ">= 0"),
     (lambda: rm.Sun(color="redd"), "Sun: color = 'redd'", "did you mean 'red'"),
     (lambda: rm.Sun(color=1.0), "Sun: color = 1.0", "3 finite numbers"),
@@ -91,7 +91,7 @@ def test_a_bad_part_is_refused_where_it_is_made(make: Any, what: str, legal: str
 
 def test_a_label_that_is_no_material_is_refused_at_the_node_that_got_it() -> None:
     painted = rm.sphere().material(Fraction(1, 2))
-    scene = rm.box() | painted
+    scene = rm.box(1) | painted
     with pytest.raises(SceneError, match=r"material = Fraction\(1, 2\) \(Fraction\)") as caught:
         rm.Scene(scene)
     assert caught.value.where == painted.where != scene.where
@@ -223,7 +223,7 @@ def test_light_may_be_brighter_than_white_and_a_material_not() -> None:
 
 def test_a_suns_direction_has_length_one() -> None:
     for direction in ((0, 0, 9), (1, 2, -2), (1e-3, 0, 0), (rm.Param("x", 3.0), 4.0, 0.0)):
-        given = Values({}).of(rm.Sun(direction=direction).direction)
+        given = Values({}).of(rm.Sun(sun_direction=direction).sun_direction)
         assert np.linalg.norm(given) == pytest.approx(1, abs=4e-16)
 
 
@@ -232,7 +232,7 @@ def test_a_suns_direction_has_length_one() -> None:
 
 def test_materials_are_numbered_from_the_default() -> None:
     red, blue = rm.Material((1, 0, 0)), rm.Material((0, 0, 1))
-    node = (rm.sphere().material(red) | rm.box().material(blue)).material(rm.Material()) | rm.torus()
+    node = (rm.sphere().material(red) | rm.box(1).material(blue)).material(rm.Material()) | rm.torus()
     materials = rm.Scene(node).materials
     assert materials[0] == rm.Material()
     assert set(materials[1:]) == {red, blue} and len(materials) == 3
@@ -241,7 +241,7 @@ def test_materials_are_numbered_from_the_default() -> None:
 def test_equal_materials_are_one() -> None:
     assert rm.Material((1, 0, 0)) == rm.Material([1.0, 0.0, 0.0]) != rm.Material((1, 0, 0), ambient=0.2)
     assert rm.Material((1, 0, 0)) != (1, 0, 0)
-    node = rm.sphere().material(rm.Material((1, 0, 0))) | rm.box().material(rm.Material((1, 0, 0)))
+    node = rm.sphere().material(rm.Material((1, 0, 0))) | rm.box(1).material(rm.Material((1, 0, 0)))
     assert len(rm.Scene(node).materials) == 2
     shiny = rm.Param("shiny", 10.0, 1, 100)
     assert rm.Material(shininess=shiny) == rm.Material(shininess=rm.Param("shiny", 10.0, 1, 100))

@@ -15,7 +15,7 @@ from raymarch.shader import assemble
 
 RED, WHITE = rm.Material((1, 0, 0)), rm.Material(albedo=(1, 1, 1))
 GLASS, SILVER = rm.Material(transmission=1), rm.Material(albedo=(1, 1, 1), metalness=1, roughness=0)
-BALL, BOX = rm.sphere(), rm.box()
+BALL, BOX = rm.sphere(), rm.box(1)
 SOLIDS = {
     "none": BALL | BOX,
     "one": BALL.material(GLASS) | BOX,

@@ -28,15 +28,18 @@ from raymarch.shader import assemble
 
 NAN = float("nan")
 PICTURE = np.linspace(0, 1, 48).reshape(4, 4, 3)
-NODE = rm.union(rm.box(), rm.sphere(rm.Param("radius", 0.6, 0.2, 1.0)).translate((0.4, 0.3, 0)), k=0.1)
+NODE = rm.union(rm.box(1), rm.sphere(rm.Param("radius", 0.6, 0.2, 1.0)).translate((0.4, 0.3, 0)), k=0.1)
 
 VALUES: dict[str, tuple[Callable[[], Value], dict[str, Any]]] = {
     "Scene": (lambda: rm.Scene(NODE, fog=rm.Fog(), sky=rm.SunSky(), bounces=2), {"quality": "high", "bounces": 99}),
     "Camera": (lambda: rm.Camera((0, 1, 5), (0, 0, 0), fov=30), {"fov": 180, "position": (0, 0, 0), "up": NAN}),
     "Light": (lambda: rm.scene.light.Light((1, 1, 1), 1, True, 0, "cone"), {"intensity": -1, "penumbra": "wide"}),
-    "Sun": (lambda: rm.Sun((1, 2, 3), shadow=True), {"direction": (0, 0, 0), "shadow": 1, "color": "redd"}),
+    "Sun": (lambda: rm.Sun((1, 2, 3), shadow=True), {"sun_direction": (0, 0, 0), "shadow": 1, "color": "redd"}),
     "PointLight": (lambda: rm.PointLight((0, 3, 0), range=9), {"position": None, "attenuation": (0, 0, 0)}),
-    "SpotLight": (lambda: rm.SpotLight((0, 3, 0), angle=0.3), {"angle": 4.0, "blend": -0.1, "direction": "down"}),
+    "SpotLight": (
+        lambda: rm.SpotLight((0, 3, 0), half_angle=0.3),
+        {"half_angle": 4.0, "blend": -0.1, "direction": "down"},
+    ),
     "RectLight": (lambda: rm.RectLight((0, 3, 0), 0.2), {"width": 0, "direction": "down", "up": (0, 1, 0)}),
     "SphereLight": (lambda: rm.SphereLight((0, 3, 0), 0.2), {"radius": 0, "range": -1}),
     "Material": (
@@ -47,7 +50,7 @@ VALUES: dict[str, tuple[Callable[[], Value], dict[str, Any]]] = {
     "Textured": (lambda: rm.Material(rm.planar(PICTURE), normal=rm.planar(PICTURE)), {"emission": (-1, 0, 0)}),
     "Sky": (lambda: rm.Sky(lambda d: (d.y, 0.5, 0.5), light=True), {"color": (-1, 0, 0), "light": None}),
     "GradientSky": (lambda: rm.GradientSky(zenith=(0, 0, 1)), {"zenith": "bleu", "ground": (0, 0, NAN)}),
-    "SunSky": (lambda: rm.SunSky((1, 1, 0), 5), {"turbidity": 11, "direction": (0, 0, 0)}),
+    "SunSky": (lambda: rm.SunSky((1, 1, 0), 5), {"turbidity": 11, "sun_direction": (0, 0, 0)}),
     "Fog": (lambda: rm.Fog((1, 1, 1), 0.2), {"density": -1, "color": 5}),
     "ToneMapping": (lambda: rm.ToneMapping("aces", 1.5), {"curve": "film", "exposure": 31, "dither": "yes"}),
     "Bloom": (lambda: rm.Bloom(rm.Param("glow", 0.2, 0, 1)), {"strength": 1.5, "radius": -1}),
@@ -134,7 +137,7 @@ def test_a_value_comes_back(name: str) -> None:
 
 
 def test_a_change_of_one_field_leaves_the_others() -> None:
-    light = rm.SpotLight((0, 3, 0), (1, -1, 0.3), angle=0.3, range=rm.Param("end", 5, 1, 9), shadow=True)
+    light = rm.SpotLight((0, 3, 0), (1, -1, 0.3), half_angle=0.3, range=rm.Param("end", 5, 1, 9), shadow=True)
     moved = light.replace(position=(1, 2, 3))
     assert moved.where == light.where and moved != light
     same = [n for n in parameters_of(rm.SpotLight) if n != "position"]
@@ -177,7 +180,7 @@ def test_every_definition_is_found_by_its_name() -> None:
 
 def test_nodes_are_compared_by_what_they_say() -> None:
     def tree(radius: float) -> rm.Node:
-        return rm.union(rm.sphere(radius).material(rm.Material((1, 0, 0))), rm.box(), k=0.2).displace_by_noise()
+        return rm.union(rm.sphere(radius).material(rm.Material((1, 0, 0))), rm.box(1), k=0.2).displace_by_noise()
 
     assert tree(0.5) == tree(0.5) and hash(tree(0.5)) == hash(tree(0.5)) and tree(0.5) != tree(0.6)
     assert rm.sphere().material(rm.Material()) != rm.sphere()
@@ -212,7 +215,7 @@ def test_a_definition_without_a_name_is_refused_when_it_is_pickled() -> None:
 
     del REGISTRY["local"]  # other tests look at all that is there
     with pytest.raises(SceneError, match=r"'local' .*top level of a module"):
-        pickle.dumps(local() | rm.box())
+        pickle.dumps(local() | rm.box(1))
     with pytest.raises(SceneError, match=r"top level of a module"):
         pickle.dumps(rm.fold_fractal(lambda z, growth, p: (2.0 * z - p, 2.0 * growth)))
     code = "float half_space(vec3 p) { return p.y; }"

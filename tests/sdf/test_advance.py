@@ -76,10 +76,12 @@ def test_a_false_statement_of_convexity_is_found() -> None:
 
 
 def test_convex_fields_and_hulls_of_shapes() -> None:
-    convex = [rm.sphere(), rm.box(), rm.dodecahedron(), rm.capsule(), rm.ellipsoid(), rm.sphere().scale((1, 2, 3))]
-    convex += [rm.intersection(rm.box(), rm.sphere(), k=0.1), rm.box().round(0.1), rm.box() & rm.sphere()]
+    convex = [rm.sphere(), rm.box(1), rm.dodecahedron(), rm.capsule(), rm.ellipsoid(), rm.sphere().scale((1, 2, 3))]
+    convex += [rm.intersection(rm.box(1), rm.sphere(), k=0.1), rm.box(1).round(0.1), rm.box(1) & rm.sphere()]
     assert all(map(is_convex, convex))
-    assert not any(map(is_convex, (rm.box() | rm.sphere(), rm.box() - rm.sphere(), rm.box().twist(1.0), rm.gyroid())))
+    assert not any(
+        map(is_convex, (rm.box(1) | rm.sphere(), rm.box(1) - rm.sphere(), rm.box(1).twist(1.0), rm.gyroid()))
+    )
     assert hull_of(rm.torus()) is not None
     assert hull_of(rm.sphere()) is None
 
@@ -106,4 +108,4 @@ def test_deep_trees_are_not_read() -> None:
     for _ in range(DEEPEST + 1):
         node = node.translate((0.1, 0.0, 0.0))
     assert not readable(node)
-    assert readable(rm.sphere() | rm.box())
+    assert readable(rm.sphere() | rm.box(1))

@@ -82,9 +82,9 @@ def test_each_kind_of_array_is_drawn_far_from_the_origin(egl):
 
 
 def test_equal_arrays_are_equal_and_pickled():
-    made = rm.instances(rm.box(), PLACES, ([RED, BLUE], np.arange(12) % 2))
-    assert made == rm.instances(rm.box(), PLACES.copy(), ([RED, BLUE], np.arange(12) % 2))
-    assert made != rm.instances(rm.box(), PLACES + 0.1)
+    made = rm.instances(rm.box(1), PLACES, ([RED, BLUE], np.arange(12) % 2))
+    assert made == rm.instances(rm.box(1), PLACES.copy(), ([RED, BLUE], np.arange(12) % 2))
+    assert made != rm.instances(rm.box(1), PLACES + 0.1)
     again = pickle.loads(pickle.dumps(made))
     assert again == made and again.labelled
 
@@ -136,20 +136,20 @@ def test_a_shift_is_exact_far_from_the_origin():
         (lambda: rm.instances(rm.circle(), PLACES), "a solid"),
         (lambda: rm.instances(3, PLACES), "a solid"),
         (lambda: rm.instances(rm.sphere(rm.Param("r", 1, 0.1, 2)), PLACES), "without Param"),
-        (lambda: rm.instances(rm.box(), PLACES[:, :2]), r"\(12, 2\)"),
-        (lambda: rm.instances(rm.box(), np.zeros((0, 3))), "one or more"),
-        (lambda: rm.instances(rm.box(), [(0, 0, np.nan)]), "finite"),
-        (lambda: rm.instances(rm.box(), np.swapaxes(matrices(3), 1, 2)), "transpose"),
-        (lambda: rm.instances(rm.box(), matrices(3) * np.array([1, 2, 1, 1])), "rotations"),
-        (lambda: rm.instances(rm.box(), PLACES, [RED]), "1 materials for 12"),
-        (lambda: rm.instances(rm.box(), PLACES, ([RED], np.ones(12, int))), "from 0 to 0"),
-        (lambda: rm.Scene(rm.instances(rm.box(), PLACES, "red")), "Material"),
-        (lambda: rm.instances(rm.box(), PLACES, COLORS[:5]), r"color of shape \(5, 3\) \(shape \(12, 3\)"),
-        (lambda: rm.instances(rm.box(), PLACES, np.ones((12, 4))), "to_hex"),
-        (lambda: rm.instances(rm.box(), PLACES, COLORS * 255), r"object \d+: Material: color = \("),
-        (lambda: rm.instances(rm.box(), PLACES, ["red", "blue"]), "2 values of color for 12 objects"),
-        (lambda: rm.instances(rm.box(), PLACES, {"rough": COLORS[:, 0]}), "did you mean 'roughness'"),
-        (lambda: rm.instances(rm.box(), PLACES, colors=COLORS), "did you mean 'materials'"),
+        (lambda: rm.instances(rm.box(1), PLACES[:, :2]), r"\(12, 2\)"),
+        (lambda: rm.instances(rm.box(1), np.zeros((0, 3))), "one or more"),
+        (lambda: rm.instances(rm.box(1), [(0, 0, np.nan)]), "finite"),
+        (lambda: rm.instances(rm.box(1), np.swapaxes(matrices(3), 1, 2)), "transpose"),
+        (lambda: rm.instances(rm.box(1), matrices(3) * np.array([1, 2, 1, 1])), "rotations"),
+        (lambda: rm.instances(rm.box(1), PLACES, [RED]), "1 materials for 12"),
+        (lambda: rm.instances(rm.box(1), PLACES, ([RED], np.ones(12, int))), "from 0 to 0"),
+        (lambda: rm.Scene(rm.instances(rm.box(1), PLACES, "red")), "Material"),
+        (lambda: rm.instances(rm.box(1), PLACES, COLORS[:5]), r"color of shape \(5, 3\) \(shape \(12, 3\)"),
+        (lambda: rm.instances(rm.box(1), PLACES, np.ones((12, 4))), "to_hex"),
+        (lambda: rm.instances(rm.box(1), PLACES, COLORS * 255), r"object \d+: Material: color = \("),
+        (lambda: rm.instances(rm.box(1), PLACES, ["red", "blue"]), "2 values of color for 12 objects"),
+        (lambda: rm.instances(rm.box(1), PLACES, {"rough": COLORS[:, 0]}), "did you mean 'roughness'"),
+        (lambda: rm.instances(rm.box(1), PLACES, colors=COLORS), "did you mean 'materials'"),
     ],
 )
 def test_wrong_arguments_are_refused(make, words):
@@ -160,4 +160,4 @@ def test_wrong_arguments_are_refused(make, words):
 
 def test_operators_that_need_the_exact_field_are_refused():
     with pytest.raises(PlanError, match="round of instances"):
-        plan(rm.Scene(rm.instances(rm.box(), PLACES).round(0.1)))
+        plan(rm.Scene(rm.instances(rm.box(1), PLACES).round(0.1)))

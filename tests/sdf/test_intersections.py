@@ -95,10 +95,10 @@ def test_lines_that_touch_and_miss() -> None:
 def test_what_has_no_closed_form() -> None:
     for node in (
         rm.torus(),
-        rm.box().round(0.1),
+        rm.box(1).round(0.1),
         rm.sphere().scale((1, 2, 1)),
         rm.sphere().twist(1.0),
-        rm.sphere() | rm.box(),
+        rm.sphere() | rm.box(1),
     ):
         assert not has_closed_form(node)
     assert not has_closed_form(rm.sphere().transform(np.diag([1.0, 2.0, 1.0, 1.0])))

@@ -42,7 +42,7 @@ def label_at(node: Node, point: tuple[float, float, float]) -> Label:
 
 
 def test_a_label_changes_neither_text_nor_facts() -> None:
-    plain, labelled = box().translate((1, 0, 0)), material(box().translate((1, 0, 0)), RED)
+    plain, labelled = box(1).translate((1, 0, 0)), material(box(1).translate((1, 0, 0)), RED)
     assert labelled.glsl() == plain.glsl()
     assert labelled.exactness == plain.exactness
     np.testing.assert_array_equal(labelled.bounds, plain.bounds)
@@ -53,13 +53,13 @@ def test_a_label_changes_neither_text_nor_facts() -> None:
 def test_a_union_with_labels_has_the_text_of_one_without() -> None:
     def scene(label: bool) -> Node:
         ball = sphere(0.5).translate((1, 0, 0))
-        return (ball.material(RED) if label else ball) | box() - sphere(0.6)
+        return (ball.material(RED) if label else ball) | box(1) - sphere(0.6)
 
     assert scene(True).glsl() == scene(False).glsl()
 
 
 def test_the_nearest_part_gives_its_label() -> None:
-    node = sphere(0.5).material(RED) | sphere(0.5).translate((2, 0, 0)).material(BLUE) | box().translate((0, 3, 0))
+    node = sphere(0.5).material(RED) | sphere(0.5).translate((2, 0, 0)).material(BLUE) | box(1).translate((0, 3, 0))
     assert label_at(node, (0.4, 0, 0)) == RED
     assert label_at(node, (1.7, 0, 0)) == BLUE
     assert label_at(node, (0, 2.4, 0)) == BASE

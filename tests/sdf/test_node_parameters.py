@@ -40,18 +40,18 @@ REFUSED: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
     "direction with NaN": (lambda: plane((NAN, 1, 0)), ("nan", "not all zero")),
     "thick torus": (lambda: torus(1.0, 1.5), ("minor = 1.5", "major = 1.0", "minor <= major")),
     "flat capsule": (lambda: capsule((1, 2, 3), (1, 2, 3)), ("[1. 2. 3.]", "two points")),
-    "negative rounding": (lambda: box().round(-0.1), ("round: radius = -0.1", ">= 0")),
-    "shell of nothing": (lambda: box().shell(0.0), ("shell: thickness = 0.0", "> 0")),
+    "negative rounding": (lambda: box(1).round(-0.1), ("round: radius = -0.1", ">= 0")),
+    "shell of nothing": (lambda: box(1).shell(0.0), ("shell: thickness = 0.0", "> 0")),
     "unknown parameter": (lambda: sphere(size=1), ("no parameter 'size'", "sphere(radius=1.0)")),
     "parameter twice": (lambda: sphere(1.0, radius=2.0), ("'radius' twice", "sphere(radius=1.0)")),
     "too many": (lambda: sphere(1.0, 2.0), ("takes up to 1 argument, 2 were given", "sphere(radius=1.0)")),
-    "parameter missing": (lambda: shell(box()), ("needs 'thickness'", "shell(")),
+    "parameter missing": (lambda: shell(box(1)), ("needs 'thickness'", "shell(")),
     "illegal end of a range": (lambda: sphere(Param("r", 1.0, -0.5, 2.0)), ("between -0.5 and 2.0", "> 0")),
     "range that reaches zero": (lambda: sphere(Param("r", 1.0, 0.0, 2.0)), ("between 0.0 and 2.0", "> 0")),
     "range without a lower end": (lambda: sphere(Param("r", 1.0)), ("between -inf and inf", "> 0")),
     "derived range": (lambda: sphere(1.0 - Param("r", 0.5, 0.0, 1.0)), ("between 0.0 and 1.0", "> 0")),
     "illegal blend range": (
-        lambda: union(box(), sphere(), k=Param("k", 0.1, -0.5, 1.0)),
+        lambda: union(box(1), sphere(), k=Param("k", 0.1, -0.5, 1.0)),
         ("k = an expression between -0.5 and 1.0", "> 0"),
     ),
     "torus over a range": (
@@ -59,8 +59,8 @@ REFUSED: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
         ("minor = an expression between 0.1 and 1.2", "minor <= major"),
     ),
     "never positive": (lambda: sphere(-1.0 - time * time), ("radius", "> 0")),
-    "points of a plane": (lambda: box().distance((1, 2)), ("(2,)", "(N, 3)")),
-    "points of a grid": (lambda: box().distance(np.zeros((2, 2, 3))), ("(2, 2, 3)", "(N, 3)")),
+    "points of a plane": (lambda: box(1).distance((1, 2)), ("(2,)", "(N, 3)")),
+    "points of a grid": (lambda: box(1).distance(np.zeros((2, 2, 3))), ("(2, 2, 3)", "(N, 3)")),
 }
 
 
@@ -147,7 +147,7 @@ def test_a_wave_of_time_has_bounds() -> None:
     [
         sphere(Param("r", 0.7, 0.1, 2.0)).translate((Param("x", 0.5, -1, 1), time, 0)),
         cylinder(Param("r", 0.7, 0.1, 2.0), 1.5).rotate(Param("turn", 0.3)) - box(Param("r", 0.7, 0.1, 2.0)),
-        union(box(), sphere(0.6).translate((0.6, 0, 0)), k=Param("k", 0.2, 0.05, 1.0)),
+        union(box(1), sphere(0.6).translate((0.6, 0, 0)), k=Param("k", 0.2, 0.05, 1.0)),
         torus(1.0, Param("tube", 0.2, 0.1, 0.5)).mirror("x").scale(Param("s", 1.2, 0.5, 2)),
     ],
 )

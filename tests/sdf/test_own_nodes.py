@@ -112,7 +112,7 @@ def test_a_flat_field_says_that_it_is_flat() -> None:
         return 0.25 * (v.length(p) - 1.0)
 
     assert gentle().lipschitz == 0.25
-    assert (gentle() | box()).lipschitz == 1.0
+    assert (gentle() | box(1)).lipschitz == 1.0
     assert gentle().translate((1, 0, 0)).scale(2.0).lipschitz == 0.25
 
 
@@ -180,7 +180,7 @@ def test_exactness_is_never_better_than_the_childs() -> None:
         return child(p)
 
     assert same(sphere()).exactness == "exact"
-    assert same(sphere() - box()).exactness == "bound"
+    assert same(sphere() - box(1)).exactness == "bound"
 
 
 def test_an_operator_that_asks_its_child_twice_calls_it(egl: Context) -> None:
@@ -377,4 +377,4 @@ def test_a_parameter_without_a_range_is_told_to_state_it() -> None:
 
 def test_a_union_of_flat_and_solid_names_both() -> None:
     with pytest.raises(SceneError, match=r"union of a 2D field \(circle\) and a 3D field \(box\) \(all 2D or all 3D\)"):
-        rm.union(rm.circle(), rm.box())
+        rm.union(rm.circle(), rm.box(1))

@@ -43,9 +43,9 @@ def trees() -> dict[str, rm.Node]:
     red = rm.Material((1, 0, 0))
     pair = rm.sphere(0.3).translate((0.2, 0.1, 0)) | rm.box((0.2, 0.9, 0.3))
     return {
-        "blend": rm.union(rm.sphere(), rm.box().translate((1, 0, 0)), k=0.2).rotate(0.3, "z"),
+        "blend": rm.union(rm.sphere(), rm.box(1).translate((1, 0, 0)), k=0.2).rotate(0.3, "z"),
         "asked twice": pair.repeat((2, None, None), 3) - pair,
-        "labels": (rm.sphere().material(red) | rm.box() | rm.torus()).material(red) & rm.box(),
+        "labels": (rm.sphere().material(red) | rm.box(1) | rm.torus()).material(red) & rm.box(1),
         "cells": rm.repeat_varied(lambda i: rm.sphere(0.2 + 0.1 * rm.hash(i)) | rm.box((0.3, 0.3, 0.3)), 1.0, 5),
         "flat": rm.rectangle((1, 2)).extrude(0.5).twist(0.4),
         "fractal": rm.mandelbulb(),
@@ -87,8 +87,8 @@ def fault(body: Any, params: Any, at: Any, sites: list[rm.Node]) -> tuple[str, s
 AROUND: dict[str, Callable[[rm.Node], rm.Node]] = {
     "alone": lambda node: node,
     "in a union": lambda node: rm.sphere().translate((5, 0, 0)) | node,
-    "turned": lambda node: node.rotate(0.0, "y") | rm.box(),
-    "as a function of its own": lambda node: rm.repeat_varied(lambda i: node, 4.0, 3) | rm.box(),
+    "turned": lambda node: node.rotate(0.0, "y") | rm.box(1),
+    "as a function of its own": lambda node: rm.repeat_varied(lambda i: node, 4.0, 3) | rm.box(1),
     "asked at two points": lambda node: (node | rm.box((0.1, 0.1, 0.1))).repeat((4, None, None), 1),
 }
 

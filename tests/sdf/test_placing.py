@@ -106,7 +106,7 @@ def test_a_box_scaled_unevenly_is_a_box() -> None:
     assert (plate.exactness, plate.facts.spread) == ("exact", 1.0)
     points = np.random.default_rng(2).uniform(-2, 2, (50, 3))
     np.testing.assert_allclose(plate.distance(points), box((2.0, 2.0, 3e-4)).distance(points), atol=1e-15)
-    thin = box().scale((1, Param("thin", 0.1, 0.01, 1.0), 1))
+    thin = box(1).scale((1, Param("thin", 0.1, 0.01, 1.0), 1))
     assert thin.exactness == "exact" and thin.distance((0, 0.25, 0)) == pytest.approx(0.2)
 
 

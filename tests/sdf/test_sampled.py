@@ -41,7 +41,7 @@ def steepest(node, n=200_000, reach=3.0):
 
 
 NODES = {
-    "grid": lambda: grid(ball(), size=2, centre=(0.3, -0.2, 0.1)),
+    "grid": lambda: grid(ball(), size=2, center=(0.3, -0.2, 0.1)),
     "oblong grid": lambda: grid(np.maximum(np.abs(ball(13, 0.0)) - 0.6, ball(13, 0.5)), size=(2, 3, 4)),
     "isosurface": lambda: rm.isosurface(-300 * ball(13), rm.Param("level", 0, -60, 60)),
     "cut isosurface": lambda: rm.isosurface(9 * ball(13), 2.0, size=(2, 3, 4)),

@@ -104,7 +104,7 @@ def test_a_wrong_fact_is_refuted(node: rm.Node, words: str) -> None:
         crate((1, 2, 1)),
         exact_disc(),
         exact_crate((1, 2, 3)).round(0.1) & rm.plane(),
-        rm.box().repeat(2.0),
+        rm.box(1).repeat(2.0),
         rm.mandelbulb(),
         rm.sphere(rm.Param("thickness", 1.0, 0.5, 2.0)),
         rm.glsl_node("float ball(vec3 p) { return length(p) - 1.0; }", "ball"),

@@ -34,7 +34,7 @@ def test_every_definition_is_there() -> None:
 
 
 def test_what_was_moved_far_is_not_moved_at_all() -> None:
-    solid = (rm.box() - rm.sphere(0.6)).round(0.05) | rm.torus().rotate(0.3, "x")
+    solid = (rm.box(1) - rm.sphere(0.6)).round(0.05) | rm.torus().rotate(0.3, "x")
     far = rm.Scene(solid.translate((2e6, 1e6, 0)), rm.Camera((2e6 + 2, 1e6 + 1, 3), (2e6, 1e6, 0)))
     home = rm.Scene(solid)
     assert seen_from(far, origin_of(default_view(far))).node.glsl() == home.node.glsl()

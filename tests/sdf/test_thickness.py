@@ -105,7 +105,7 @@ def test_plan_and_doubts_say_by_how_much() -> None:
     assert "moves by 0.7" in said and "to 1 times" in said
     with rm.Renderer(size=(16, 16)) as renderer:
         assert said in renderer.render(twisted).doubts()
-        plain = rm.Scene((rm.box() - rm.sphere(0.6)).shell(0.1))
+        plain = rm.Scene((rm.box(1) - rm.sphere(0.6)).shell(0.1))
         assert not [doubt for doubt in renderer.render(plain).doubts() if "acts on" in doubt]
     (said,) = plan(plain).warnings
     assert "edges" in said

@@ -69,7 +69,7 @@ def test_transition_has_both_ends() -> None:
         (lambda: sphere(0.5).wrap_around(), "leaves the axis free"),
         (lambda: plane((0, 0, 1)).wrap_around(-3, 3), "cut an unbounded solid"),
         (lambda: plane().transition(sphere(), (0, 0, 0), (0, 1, 0)), "node & box(...)"),
-        (lambda: sphere().transition(box(), (0, 1, 0), (0, 1, 0)), "two different points"),
+        (lambda: sphere().transition(box(1), (0, 1, 0), (0, 1, 0)), "two different points"),
     ],
 )
 def test_what_cannot_be_is_refused(make: Any, says: str) -> None:

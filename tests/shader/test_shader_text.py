@@ -129,7 +129,7 @@ def ball(p, radius=1.0):
 
 Spot((0, 1, 0), shadow=True)
 crowd = rm.union(*[ball(0.1 * i).translate((i, rm.time, 0)) for i in range(1, 40)], k=0.1)
-for field in (sphere_field() | rm.box(), crowd):
+for field in (sphere_field() | rm.box(1), crowd):
     assemble(plan(rm.Scene(field, lights=[rm.SpotLight((0, 1, 0), shadow=True)], fog=rm.Fog()), ("color", "geometry")))
 """
 

@@ -20,7 +20,7 @@ red = rm.Material(color=RED, shininess=50)
 blue = rm.Material(color=(0.1, 0.2, 0.8))
 solid = (body.material(red) - ball) | ring.material(blue)
 posts = rm.union(*[rm.capsule((i, 0, 0), (i, 1, 0), 0.1) for i in range(3)], k=0.1)
-sun = rm.Sun(direction=(1, 2, 1.5))
+sun = rm.Sun(sun_direction=(1, 2, 1.5))
 lamp = rm.PointLight(position=(-3, 2, 4), intensity=8)
 eye = rm.Camera(position=(2.2, 1.8, 3.8), target=(0, 0, 0))
 sky = rm.Sky((0.9, 0.9, 1.0))
@@ -60,7 +60,7 @@ REPLACED = {
     "a range upside down": ("1.0, 0.5, 2.0", "1.0, 2.0, 0.5"),
     "a light of another type": ("lights=[sun, lamp]", "lights=[sun, ball]"),
     "a light without a place": ("rm.PointLight(position=(-3, 2, 4)", "rm.PointLight(position=(-3, 2)"),
-    "a sun from nowhere": ("direction=(1, 2, 1.5)", "direction=(0, 0, 0)"),
+    "a sun from nowhere": ("sun_direction=(1, 2, 1.5)", "sun_direction=(0, 0, 0)"),
     "a camera in its target": ("target=(0, 0, 0)", "target=(2.2, 1.8, 3.8)"),
     "steps below 1": ("max_steps=200", "max_steps=0"),
     "a sky of another type": ("rm.Sky((0.9, 0.9, 1.0))", "rm.Sky('grey')"),

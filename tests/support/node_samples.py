@@ -118,12 +118,34 @@ def draw(domain: Domain, random: np.random.Generator) -> Any:
     return float(values) if domain.type is FLOAT else values
 
 
+USUAL: dict[str, dict[str, Any]] = {
+    "polygon": {"points": ((-0.9, -0.7), (0.8, -0.5), (0.9, 0.6), (0.1, 0.0), (-0.6, 0.8))},
+    "polyline": {"points": ((-0.9, -0.5), (-0.3, 0.6), (0.2, -0.3), (0.9, 0.4))},
+    "polyline_tube": {"points": ((-0.8, -0.6, 0.3), (-0.3, 0.5, -0.3), (0.2, -0.3, -0.2), (0.8, 0.5, 0.4))},
+    "flat_triangle": {"a": (-0.8, -0.6), "b": (0.9, -0.4), "c": (0.1, 0.8)},
+    "triangle": {"a": (-0.9, -0.7, 0.2), "b": (0.9, -0.6, -0.1), "c": (0.0, 0.8, 0.1)},
+    "quad": {"a": (-0.8, -0.6, 0.1), "b": (0.8, -0.6, 0.1), "c": (0.6, 0.7, -0.1), "d": (-0.6, 0.7, -0.1)},
+    "stroke": {"a": (-0.7, -0.4), "b": (0.7, 0.5)},
+    "line": {"a": (-0.6, -0.5, -0.2), "b": (0.6, 0.6, 0.3)},
+    "bezier": {"a": (-0.8, -0.5), "b": (0.0, 1.2), "c": (0.8, -0.3)},
+    "bezier_tube": {"a": (-0.8, -0.5, 0.2), "b": (0.1, 1.1, -0.6), "c": (0.8, -0.4, 0.3)},
+}
+"""Values of parameters that have no default."""
+
+
+def usual(definition: Definition) -> Node:
+    """A shape with its defaults, and with `USUAL` values where it has none."""
+    return definition.make((), (), USUAL.get(definition.name, {}))
+
+
 def parameters(definition: Definition, variant: int, random: np.random.Generator, shrink: float) -> dict[str, Any]:
-    """The defaults for variant 0, else drawn values; numbers, not vectors, shrink. Data keep their default."""
+    """The usual values for variant 0, else drawn ones; numbers, not vectors, shrink. Data keep their usual value."""
+    needed = USUAL.get(definition.name, {})
     given: dict[str, Any] = {}
     for name, domain in definition.domains.items():
         fixed = domain.type is None and domain.holds is not int
-        if name in definition.defaults and (variant == 0 or fixed):
+        if (name in definition.defaults or name in needed) and (variant == 0 or fixed):
+            given |= {name: needed[name]} if name in needed else {}
             continue
         value = draw(domain, random)
         if isinstance(value, float):

@@ -29,6 +29,7 @@ from raymarch.plan import plan
 from raymarch.scene.texture import Layout
 from raymarch.sdf.node import METHODS
 from raymarch.shader import assemble
+from tests.support.node_samples import USUAL
 
 LONGEST = 420
 """Characters of a message, the names of files apart."""
@@ -158,7 +159,7 @@ class Call:
 
 
 NEEDED: dict[str, dict[str, Any]] = {
-    "Scene": {"node": rm.box()},
+    "Scene": {"node": rm.box(1)},
     "DirectionSample": {"direction": (0, 1, 0), "distance": 1.0, "radiance": (1, 1, 1)},
     "Light": {"color": (1, 1, 1), "intensity": 1.0, "shadow": False, "softness": 0.0, "penumbra": "cone"},
     "PointLight": {"position": (0, 3, 0)},
@@ -172,15 +173,15 @@ NEEDED: dict[str, dict[str, Any]] = {
     "marble": {"a": 0.1, "b": 0.9},
     "stripes": {"a": 0.1, "b": 0.9},
     "noise": {"a": 0.1, "b": 0.9},
-    "planar": {"picture": PICTURE},
-    "triplanar": {"picture": PICTURE},
+    "planar": {"source": PICTURE},
+    "triplanar": {"source": PICTURE},
     "Layout": {"axis": "x"},
     "grid": {"values": BALL},
     "isosurface": {"values": BALL, "level": 0.0},
     "heightmap": {"source": HEIGHTS},
     "image": {"source": HEIGHTS},
     "text": {"string": "a", "resolution": 16},
-    "mesh": {"file": "none.stl"},
+    "mesh": {"source": "none.stl"},
     "displace_by_image": {"source": HEIGHTS},
     "displace_by": {"function": lambda p: 0.1 * p.x, "amplitude": 0.1, "lipschitz": 1.0},
     "glsl_node": {"code": "float level(vec3 p) { return p.y; }", "name": "level"},
@@ -201,22 +202,22 @@ NEEDED: dict[str, dict[str, Any]] = {
     "elongate": {"extent": (1, 1, 1)},
     "material": {"material": rm.Material()},
     "transition": {"start": (0, -1, 0), "end": (0, 1, 0)},
-    "bezier": {"a": (0, 0), "b": (1, 1), "c": (2, 0)},
+    **{name: dict(given) for name, given in USUAL.items()},
     "plane_fold": {"normal": (1, 0, 0), "z": var("p", VEC3)},
     "box_fold": {"z": var("p", VEC3)},
     "ball_fold": {"z": var("p", VEC3), "growth": 1.0},
-    "ImageSky": {"file": Path(__file__).parents[2] / "docs" / "pictures" / "hard-camera-inside-a-solid.png"},
+    "ImageSky": {"source": Path(__file__).parents[2] / "docs" / "pictures" / "hard-camera-inside-a-solid.png"},
     "hash": {"cell": var("p", VEC3)},
     **{name: {"p": var("p", VEC3)} for name in "value_noise gradient_noise worley fbm ridged turbulence".split()},
     "implicit": {"function": lambda p: rm.dot(p, p) - 1.0, "bounds": 1.5},
     "wrap_around": {"start": -3.0, "end": 3.0},
-    "export": {"scene": rm.box(), "path": _folder() / "made.glsl"},
-    "triangulate": {"scene": rm.box(), "cells": 4},
-    "show": {"scene": rm.box()},
+    "export": {"scene": rm.box(1), "path": _folder() / "made.glsl"},
+    "triangulate": {"scene": rm.box(1), "cells": 4},
+    "show": {"scene": rm.box(1)},
     "sampled": {"values": BALL},
     "colormap": {"value": 0.5},
     "Slice": {"normal": (0, 1, 0)},
-    "raycast": {"scene": rm.box(), "origins": (0, 0, 5), "directions": (0, 0, -1)},
+    "raycast": {"scene": rm.box(1), "origins": (0, 0, 5), "directions": (0, 0, -1)},
 }
 NEEDED |= {name: {"x": 0.5} for name in "acos asin atan ceil cos cosh exp exp2 floor fract log log2 sign sin".split()}
 NEEDED |= {name: {"x": 0.5} for name in "sinh sqrt tan tanh".split()}
@@ -257,7 +258,7 @@ WITH_DEVICE = {"Renderer", "render", "render_frames", "probe", "prove", "truth"}
 
 def calls() -> Iterator[Call]:
     """All public functions, classes and methods of nodes."""
-    solid, plane = rm.box(), rm.rectangle()
+    solid, plane = rm.box(1), rm.rectangle()
     for name in rm.__all__:
         function = getattr(rm, name)
         if callable(function) and name not in UNCALLED | WITH_DEVICE and not _is_error(function):
@@ -337,4 +338,4 @@ def _used(made: Any) -> None:
     elif isinstance(made, rm.Scene):
         assemble(plan(made)).text()
     elif isinstance(made, rm.Sun | rm.PointLight):
-        assemble(plan(rm.Scene(rm.box(), lights=[made]))).text()
+        assemble(plan(rm.Scene(rm.box(1), lights=[made]))).text()

@@ -19,7 +19,7 @@ GAP, TINT = rm.Param("gap", 1.0, 0.5, 2.0), rm.Param("tint", (0.2, 0.4, 0.6), 0,
 
 
 def solid() -> rm.Node:
-    body = rm.union(rm.box().round(0.1), rm.torus().translate((0, 0.5, 0)), k=0.3).material(RED)
+    body = rm.union(rm.box(1).round(0.1), rm.torus().translate((0, 0.5, 0)), k=0.3).material(RED)
     return body - rm.cylinder(0.2, 3).rotate(0.5, "x").material(BLUE)
 
 
@@ -27,10 +27,10 @@ def lamps() -> list[rm.PointLight | rm.Sun]:
     """One of each kind."""
     return [
         rm.Sun((1, 2, 1), shadow=True, softness=0.05),
-        rm.PointLight((0, 3, 0), range=5, shadow=True, softness=0.2, shadow_radius=GAP, penumbra="cone"),
+        rm.PointLight((0, 3, 0), range=5, shadow=True, radius=0.2, shadow_radius=GAP, penumbra="cone"),
         rm.PointLight((3, 0, GAP), attenuation=(1, 0.1, 0.5), shadow=True),
         rm.PointLight((0, 0, 3), attenuation=(1, 0.1, 0.5), range=6, color=TINT),
-        rm.SpotLight((0, 4, 0), angle=GAP, blend=0.5),
+        rm.SpotLight((0, 4, 0), half_angle=GAP, blend=0.5),
         rm.SphereLight((2, 4, 2), 0.4, shadow=True, penumbra="triangulated"),
     ]
 
@@ -56,13 +56,13 @@ def maps() -> dict[str, rm.Scene]:
     matte = rm.Material(rm.planar(picture, axis="x"), height=lambda p: sin(9 * p.x) * p.y, height_scale=0.05)
     glow = rm.Material(emission=rm.triplanar(picture), transmission=rm.planar(rough), height=rm.planar(waves, 2))
     dented = rm.Material(albedo=(1, 0.9, 0.7), metalness=1, roughness=0, height=rm.triplanar(waves))
-    turned = rm.box().material(tiled).rotate(0.6, (1, 2, 3)).scale((1, 1.4, 0.8)) | rm.plane(offset=-1.2)
+    turned = rm.box(1).material(tiled).rotate(0.6, (1, 2, 3)).scale((1, 1.4, 0.8)) | rm.plane(offset=-1.2)
     return {
         "mapped": rm.Scene(turned),
         "relief": rm.Scene(rm.sphere().material(bumpy).mirror("x") | rm.plane(offset=-1).material(tiled)),
         "relief under a sky": rm.Scene(rm.sphere().material(bumpy), sky=rm.GradientSky(light=True)),
         "relief in corners": rm.Scene(
-            rm.union(rm.sphere().material(bumpy), rm.box().material(tiled).translate((0.8, 0, 0)), k=0.3),
+            rm.union(rm.sphere().material(bumpy), rm.box(1).material(tiled).translate((0.8, 0, 0)), k=0.3),
             sky=rm.GradientSky(light=True),
             occlusion=rm.AmbientOcclusion(3),
         ),
@@ -114,7 +114,7 @@ def scenes() -> dict[str, rm.Scene]:
     }
     gold = rm.Material(albedo=(1, 0.8, 0.4), metalness=1, roughness=0.3)
     spotted = rm.Material(roughness=lambda p: 0.5 + 0.4 * sin(9 * p.x), emission=lambda p: 0.1 * abs(p))
-    made["physical"] = rm.Scene(rm.sphere().material(gold) | rm.box().translate((2, 0, 0)))
+    made["physical"] = rm.Scene(rm.sphere().material(gold) | rm.box(1).translate((2, 0, 0)))
     made["masking"] = rm.Scene(rm.sphere().material(gold), quality=rm.Quality(masking="separable"))
     made["both models"] = rm.Scene(rm.union(rm.sphere().material(gold), solid(), k=0.2))
     made["patterns"] = rm.Scene(rm.sphere().material(spotted).repeat(3) | rm.plane(offset=-2).material(spotted))
@@ -169,7 +169,7 @@ def scenes() -> dict[str, rm.Scene]:
     made["tree of mirrors"] = rm.Scene(rm.sphere().material(mirror), bounces=2, quality=tree, lights=[])
     made["tree of glass"] = rm.Scene(rm.sphere().material(glass), quality=tree, lights=[])
     made |= maps()
-    turned = rm.box().rotate(0.3, "z").repeat((3, None, None), 2)  # asked at two places, so a function of its own
+    turned = rm.box(1).rotate(0.3, "z").repeat((3, None, None), 2)  # asked at two places, so a function of its own
     made["copies beside a material"] = rm.Scene(turned | rm.plane().material(RED))
     made |= {f"{n} normals": rm.Scene(solid(), quality=rm.Quality(normals=n)) for n in NORMALS}
     made |= {f"{t} tracer": rm.Scene(solid(), quality=rm.Quality(tracer=t)) for t in TRACERS}

@@ -86,7 +86,7 @@ def test_a_field_of_many_objects_has_the_values_of_the_whole(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["nested", "instances"])
 def test_the_picture_of_many_objects_is_that_of_the_whole(name: str) -> None:
-    soft = {"softness": 0.3} if name == "instances" else {}
+    soft = {"radius": 0.3} if name == "instances" else {}
     lights = [rm.Sun((1, 3, 2), shadow=True), rm.PointLight((2, 3, 3), shadow=True, **soft)]
     scene = scene_of(name, lights=lights, occlusion=rm.AmbientOcclusion())
     found = rm.truth(scene, SIZE)

@@ -71,7 +71,7 @@ def test_it_belongs_to_the_material() -> None:
         (lambda: rm.Material(bsdf=Misspelt), ("Misspelt reads the value 'colour'", "color, shininess")),
         (lambda: rm.Material(shininess=3, bsdf=Velvet), ("shininess together with bsdf",)),
         (
-            lambda: plan(rm.Scene(rm.sphere().material(VELVET) | rm.box().material(rm.Material(bsdf=Shiny)))),
+            lambda: plan(rm.Scene(rm.sphere().material(VELVET) | rm.box(1).material(rm.Material(bsdf=Shiny)))),
             ("the BSDFs Velvet and Shiny", "one class"),
         ),
     ],

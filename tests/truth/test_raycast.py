@@ -40,7 +40,7 @@ def test_one_origin_or_one_direction_serves_all_rays() -> None:
 
 def test_materials_are_those_of_the_scene() -> None:
     red, blue = rm.Material(color="red"), rm.Material(color="blue")
-    scene = rm.Scene(rm.box().material(red) | rm.box().translate((3, 0, 0)).material(blue))
+    scene = rm.Scene(rm.box(1).material(red) | rm.box(1).translate((3, 0, 0)).material(blue))
     found = rm.raycast(scene, [(0, 0, 5), (3, 0, 5), (6, 0, 5)], (0, 0, -1))
     assert [None if i < 0 else scene.materials[i] for i in found.material] == [red, blue, None]
 

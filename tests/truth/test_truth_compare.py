@@ -19,7 +19,7 @@ def picture(node: Any, position: Any = (0, 0, 5), target: Any = (0, 0, 0), size:
 
 @pytest.fixture(scope="module")
 def scene() -> Truth:
-    node = plane(offset=-1.0) | sphere().translate((-0.8, 0, 0)) | box().translate((1, 0, 0))
+    node = plane(offset=-1.0) | sphere().translate((-0.8, 0, 0)) | box(1).translate((1, 0, 0))
     return picture(node, (1, 1.5, 6))
 
 

@@ -193,7 +193,7 @@ def test_units_do_not_matter(unit: float) -> None:
 
 def test_a_picture_of_ordinary_size_takes_few_evaluations() -> None:
     """A floor to the horizon among other solids: its grazing rays would take thousands of plain steps each."""
-    node = plane() | box().translate((-1.5, 0.5, 0)) | sphere(0.6).translate((0, 0.6, 0)) | torus(0.6, 0.2)
+    node = plane() | box(1).translate((-1.5, 0.5, 0)) | sphere(0.6).translate((0, 0.6, 0)) | torus(0.6, 0.2)
     made = truth(looking(node, (2, 1.5, 5), (0, 0.4, 0)), (320, 180), outputs=("depth",))
     assert made.evaluations.mean() < 8 and made.evaluations.max() < PATIENCE / 10
     floor = made.direction[..., 1] < 0

@@ -155,7 +155,7 @@ def test_the_softness_of_a_light_without_a_position_is_the_tangent_of_an_angle()
     sun = visible(Sun((1, 0, 0), shadow=True, softness=0.05))
     assert np.ptp(sun) > 0.5
     np.testing.assert_array_equal(visible(Beam((1, 0, 0), 0.05)), sun)
-    assert not np.allclose(visible(PointLight((20, 0, 0), shadow=True, softness=0.05)), sun, atol=0.1)
+    assert not np.allclose(visible(PointLight((20, 0, 0), shadow=True, radius=0.05)), sun, atol=0.1)
 
 
 def _made(kind: Any) -> Light:

@@ -54,20 +54,20 @@ def colors(node: Node) -> list[tuple[float, ...]]:
 
 
 def test_an_outer_material_reaches_parts_without_one() -> None:
-    inner = sphere(0.7).material(RED) | box().translate((1, 0, 0))
+    inner = sphere(0.7).material(RED) | box(1).translate((1, 0, 0))
     assert colors(inner.material(BLUE)) == [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0)]
 
 
 def test_without_a_material_the_default_is_shown() -> None:
     made = truth(Scene(sphere()), (9, 9))
     assert set(np.unique(made.material)) == {-1, 0}
-    both = truth(Scene(sphere().material(RED) | box().translate((2, 0, 0))), (40, 20))
+    both = truth(Scene(sphere().material(RED) | box(1).translate((2, 0, 0))), (40, 20))
     assert set(np.unique(both.material)) == {-1, 0, 1}
 
 
 def test_equal_materials_are_one() -> None:
     again = Material([0, 0, 1], specular=0.0, ambient=1.0)
-    node = sphere(0.5).material(BLUE) | box().translate((1, 0, 0)).material(again)
+    node = sphere(0.5).material(BLUE) | box(1).translate((1, 0, 0)).material(again)
     assert len(Scene(node).materials) == 2
     assert set(np.unique(shares(node).material)) == {-1, 1}
     assert colors(node) == [(0.0, 0.0, 1.0)]

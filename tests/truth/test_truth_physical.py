@@ -223,7 +223,7 @@ def test_a_lamp_with_a_radius_fades_and_ends() -> None:
 
 def test_a_spot_shines_into_its_cone() -> None:
     def at(turn: float) -> float:
-        lamp = SpotLight((0, 2, 0), (np.sin(turn), -np.cos(turn), 0), angle=0.5, blend=0.5, intensity=4)
+        lamp = SpotLight((0, 2, 0), (np.sin(turn), -np.cos(turn), 0), half_angle=0.5, blend=0.5, intensity=4)
         return brightness(lamp, MATTE)
 
     outer, inner = np.cos(0.5), np.cos(0.25)
@@ -245,7 +245,7 @@ def test_what_glows_needs_no_light_and_takes_what_comes() -> None:
 
 def test_a_pattern_moves_along_with_what_it_is_painted_on() -> None:
     halves = Material(lambda p: step(0.0, p.x), specular=0, ambient=0)
-    painted, moved = box().material(halves).translate((0.25, 0, 0)), box().translate((0.25, 0, 0)).material(halves)
+    painted, moved = box(1).material(halves).translate((0.25, 0, 0)), box(1).translate((0.25, 0, 0)).material(halves)
     for node, edge in ((painted, 0.25), (moved, 0.0)):
         made = truth(Scene(node, camera=ABOVE, lights=[Sun((0, 1, 0))]), (48, 36))
         x = (made.position + made.depth[..., None] * made.direction)[..., 0]
@@ -294,7 +294,7 @@ def test_masking_is_a_choice() -> None:
         (lambda: PointLight((0, 0, 0), attenuation=(0, 0, 0)), ("attenuation", "not all zero")),
         (lambda: Sun(softness=-1), ("softness = -1",)),
         (lambda: Sun(penumbra="fuzzy"), ("penumbra = 'fuzzy'", "'two-sided'")),
-        (lambda: SpotLight((0, 0, 0), angle=4), ("angle = 4",)),
+        (lambda: SpotLight((0, 0, 0), half_angle=4), ("angle = 4",)),
         (lambda: SphereLight((0, 0, 0), 0), ("radius = 0",)),
         (lambda: Quality(masking="smith"), ("masking = 'smith'",)),
     ],

@@ -238,7 +238,7 @@ def test_a_picture_of_the_sky_stands_where_it_should(tmp_path: Path) -> None:
         for d in ((1, 0.2, -1), (-1, 0.2, -1), (0, 1, 0), (0, 0, -1))
     )
     assert right[0] == 1 and left[0] == 0 and right[1] == left[1] == up[1] == 1 and 0 < ahead[0] < 1
-    turned = ImageSky(tmp_path / "sky.exr", turn=np.pi)
+    turned = ImageSky(tmp_path / "sky.exr", rotation=np.pi)
     assert turned.radiance_along(np.array([[1, 0.2, -1.0]]), NOW)[0, 0] == 0
     seam = sky.radiance_along(np.array([[1e-4, 0.2, 1.0], [-1e-4, 0.2, 1.0]]), NOW)[:, 0]
     assert abs(seam[0] - seam[1]) < 0.1
@@ -276,7 +276,7 @@ def test_a_picture_beyond_the_limit_is_refused(tmp_path: Path) -> None:
         (lambda: Sky(light=1), ("light = 1",)),
         (lambda: GradientSky(zenith=3), ("GradientSky: zenith",)),
         (lambda: SunSky(turbidity=1), ("turbidity = 1",)),
-        (lambda: SunSky((0, 0, 0)), ("direction",)),
+        (lambda: SunSky((0, 0, 0)), ("sun_direction",)),
         (lambda: AmbientOcclusion(steps=0), ("steps = 0", "1 to 32")),
         (lambda: AmbientOcclusion(reach=0), ("reach = 0",)),
         (lambda: Scene(sphere(), occlusion=3), ("occlusion = 3",)),

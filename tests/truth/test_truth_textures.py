@@ -139,7 +139,7 @@ def test_a_normal_map_is_the_slope_of_its_heights() -> None:
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     camera = rm.Camera((1, 2, 3), (0, 0, 0), fov=40)
     shapes = [
-        truth(rm.Scene(rm.box().rotate(0.4, "y").material(m), camera), (40, 30))._surfaces[0][1].shading_normals
+        truth(rm.Scene(rm.box(1).rotate(0.4, "y").material(m), camera), (40, 30))._surfaces[0][1].shading_normals
         for m in (
             rm.Material(height=rm.triplanar(heights), height_scale=tall),
             rm.Material(normal=rm.triplanar(0.5 + 0.5 * normal)),
@@ -152,7 +152,7 @@ def test_a_normal_map_is_the_slope_of_its_heights() -> None:
 
 def test_a_texture_moves_with_what_it_is_painted_on() -> None:
     picture = np.random.default_rng(3).uniform(0, 1, (16, 16, 3))
-    painted = rm.box().material(rm.Material(rm.triplanar(picture), **SHOWN))
+    painted = rm.box(1).material(rm.Material(rm.triplanar(picture), **SHOWN))
     turn = {"angle": 0.8, "axis": (1, 2, -1)}
     still = own_colour(painted, rm.Camera((1, 2, 4), (0, 0, 0), fov=30), (48, 36))
     c, s, a = np.cos(0.8), np.sin(0.8), np.array([1, 2, -1]) / np.sqrt(6)

@@ -27,7 +27,7 @@ def scene() -> rm.Scene:
         lights=[
             rm.Sun((1, 2, 1), shadow=True),
             rm.PointLight((-2, 2, 2), color=(0.2, 0.4, 0.9), intensity=5, range=9),
-            rm.SpotLight((0, 4, 0), angle=0.4, intensity=9),
+            rm.SpotLight((0, 4, 0), half_angle=0.4, intensity=9),
             rm.SphereLight((2, 3, 2), radius=0.4, intensity=3, shadow=True),
         ],
     )
@@ -59,7 +59,7 @@ def test_moving_a_light_compiles_nothing(renderer: Renderer) -> None:
     edited = Edits(lights=edits.editable_lights(made)).apply(made)
     before = renderer.render(edited).color
     compiled = renderer.compiled
-    after = renderer.render(edited, params={"light 2 intensity": 50.0, "light 1 direction": (0.1, 1.0, 0.2)}).color
+    after = renderer.render(edited, params={"light 2 intensity": 50.0, "light 1 sun_direction": (0.1, 1.0, 0.2)}).color
     assert renderer.compiled == compiled and not close(before, after)
 
 
@@ -153,7 +153,9 @@ def test_the_python_of_edits_runs_at_the_end_of_a_file_with_a_bare_node(tmp_path
     file = tmp_path / "scene.py"
     file.write_text("import raymarch as rm\nscene = rm.sphere()\n")
     base = load(file)
-    lights = tuple(light.with_value("softness", 0.2) for light in edits.editable_lights(base))
+    lights = tuple(
+        light.with_value("softness" if light.kind == "Sun" else "radius", 0.2) for light in edits.editable_lights(base)
+    )
     edited = Edits(lights, {0: edits.editable_material(base.materials[0])}, {"max_steps": 99})
     with file.open("a") as out:
         out.write(edited.python(base, {"material 0 specular": 0.5}) + "\n")

@@ -121,7 +121,7 @@ def test_every_field_of_a_light(shown: Shown) -> None:
     shown.click("Lights", "edit lights")
     carried_out(model)
     shown.frame(2)
-    for name in ("set softness 2", "set range 2", "set shadow_radius 2", "set attenuation 2", "shadow 1"):
+    for name in ("set radius 2", "set range 2", "set shadow_radius 2", "set attenuation 2", "shadow 1"):
         shown.click(name)
         carried_out(model)
         shown.frame(2)
@@ -129,7 +129,7 @@ def test_every_field_of_a_light(shown: Shown) -> None:
     shown.drag("penumbra 2", 0, 0, down=44)
     carried_out(model)
     shown.frame(2)
-    shown.drag("light 2 softness", -30, 10)
+    shown.drag("light 2 radius", -30, 10)
     assert "light 1 intensity" not in shown.items  # an expression of the file
     shown.click("add RectLight")
     carried_out(model)

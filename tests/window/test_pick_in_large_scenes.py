@@ -58,7 +58,7 @@ def test_a_pick_asks_the_objects_near_its_ray() -> None:
     assert 0 < len(near.children) < 40
     away = along_ray(scene.node, pose, pose.position, -pose.view, Values({}))
     assert len(away.children) == 1, "a union needs an operand"
-    alone = rm.sphere() & rm.box()
+    alone = rm.sphere() & rm.box(1)
     assert along_ray(alone, pose, pose.position, pose.view, Values({})) is alone
 
 
