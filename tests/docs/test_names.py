@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import raymarch as rm
-from raymarch.expr import vocabulary
 
 PAGE = Path(__file__).parents[2] / "docs" / "names.md"
 
@@ -35,7 +34,7 @@ Mandelbulb, quaternion Julia, Mandelbox, Menger sponge, Sierpinski, apollonian, 
 """
 
 NODES, _, REST = PAGE.read_text(encoding="utf-8").partition("## Rendering terms")
-TERMS, _, FORMER = REST.partition("## Former names")
+TERMS, _, NAMING = REST.partition("## How parameters are named")
 ROWS = re.findall(r"^\| ([^|]+?) \| (.+) \|$", NODES, re.MULTILINE)
 CALLS = [(names, match[1].replace("\\|", "|")) for names, cell in ROWS if (match := re.fullmatch(r"`(.+)`", cell))]
 
@@ -66,15 +65,46 @@ def test_the_rendering_terms_run(code: str) -> None:
     assert eval(code, given) is not None
 
 
-def test_the_present_names_exist() -> None:
-    present = {cell for _, cell in re.findall(r"^\| ([^|]+?) \| (.+) \|$", FORMER, re.MULTILINE)}
-    calls = [call for cell in present for call in re.findall(r"`([^`]+)`", cell)]
-    assert len(calls) > 8
-    for call in calls:
-        name, _, rest = call.partition("(")
-        if match := re.match(r"(\w+)=", rest):
-            assert match[1] in inspect.signature(getattr(rm, name)).parameters, call
-        elif "=" not in name:
-            owner, _, attribute = name.rpartition(".")
-            owners = [getattr(rm, owner)] if owner else [rm, vocabulary]
-            assert any(hasattr(each, attribute) for each in owners), call
+def parameters() -> dict[str, set[str]]:
+    """The names of all public parameters, and who has them."""
+    found: dict[str, set[str]] = {}
+    owners = [(name, getattr(rm, name)) for name in rm.__all__ if callable(getattr(rm, name))]
+    methods = [(f"{name}.{m}", f) for name, each in owners if isinstance(each, type) for m, f in vars(each).items()]
+    for name, each in owners + [(m, f) for m, f in methods if inspect.isfunction(f) and "._" not in m]:
+        if not (isinstance(each, type) and issubclass(each, Exception)):
+            for parameter in inspect.signature(each).parameters:
+                found.setdefault(parameter, set()).add(name)
+    return found
+
+
+def test_a_parameter_has_the_word_of_the_table() -> None:
+    known = parameters()
+    words = [
+        name for cell in re.findall(r"^\| (`[^|]+`) \|", NAMING, re.MULTILINE) for name in re.findall(r"`(\w+)`", cell)
+    ]
+    assert len(words) > 20 and set(words) <= set(known)
+    others = {"centre", "colour", "turn", "file", "filename", "path", "bottom", "diameter", "degrees", "dir", "towards"}
+    assert {name: known[name] for name in others & set(known)} == {"path": {"export"}}
+    assert known["angle"] == {"arc", "capped_torus", "pie", "Node.rotate"}
+    assert known["softness"] == {"Light", "Sun", "SunSky.sun"}
+    assert known["rounding"] == {"rounded_box", "rounded_cylinder", "rounded_rectangle"}
+    assert known["direction"] == {"DirectionSample", "Node.orient", "RectLight", "SpotLight", "Truth"}
+
+
+@pytest.mark.parametrize("name", [name for name, each in vars(rm.sdf).items() if name in rm.__all__ and callable(each)])
+def test_sizes_come_in_one_order(name: str) -> None:
+    """What is measured across, then the height, then what shapes the rest."""
+    order = ("sides", "points", "radius", "major", "minor", "width", "height", "top", "rounding", "thickness")
+    given = [p for p in inspect.signature(getattr(rm, name)).parameters if p in order]
+    if not {"radius", "minor", "points"} <= set(given) and "a" not in inspect.signature(getattr(rm, name)).parameters:
+        assert given == sorted(given, key=order.index)
+
+
+def test_shapes_fit_each_other() -> None:
+    """Shapes with natural sizes are 2 wide."""
+    for name in "box rounded_box box_frame sphere cylinder rounded_cylinder cone disc cut_hollow_sphere".split():
+        lower, upper = getattr(rm, name)().bounds
+        assert np.allclose(upper[0] - lower[0], 2.0), name
+    for name in "circle rectangle rounded_rectangle ring arc trapezoid".split():
+        lower, upper = getattr(rm, name)().bounds
+        assert np.allclose(upper[0] - lower[0], 2.0), name

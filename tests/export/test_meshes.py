@@ -115,7 +115,7 @@ EXACT = {
     "capsule": (rm.capsule((-1, 0, 0), (1, 0.5, 0.2), 0.4), SMOOTH),
     "far": (rm.torus(1, 0.3).rotate(0.5, "x").translate((1000, 0, 0)), SMOOTH),
     "box": (rm.box((1, 1.5, 2)).rotate(0.4, (1, 2, 3)), SHARP),
-    "cube": (rm.box(), SHARP),
+    "cube": (rm.box(1), SHARP),
 }
 
 
@@ -186,11 +186,11 @@ def test_random_signs_give_a_manifold() -> None:
 @pytest.mark.parametrize(
     "node",
     [
-        rm.box() - rm.sphere(0.65),
+        rm.box(1) - rm.sphere(0.65),
         rm.union(*(rm.sphere(0.3).translate((0.4 * i, 0.1 * i * i, 0)) for i in range(4)), k=0.2),
         rm.gyroid(thickness=0.1) & rm.sphere(1.3),
         rm.box((1, 0.4, 1)).twist(2.0),
-        rm.box() | rm.box().translate((1, 1, 0)),  # they share an edge
+        rm.box(1) | rm.box(1).translate((1, 1, 0)),  # they share an edge
         rm.sphere(0.5) | rm.sphere(0.5).translate((1, 0, 0)),  # they touch
     ],
     ids=["csg", "blend", "gyroid", "twist", "edge", "touch"],
@@ -303,7 +303,7 @@ def test_parameters_and_time_change_the_mesh() -> None:
 
 
 def test_the_command_writes_a_mesh(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "scene.py").write_text("import raymarch as rm\nscene = rm.box() | rm.plane(offset=-0.4)\n")
+    (tmp_path / "scene.py").write_text("import raymarch as rm\nscene = rm.box(1) | rm.plane(offset=-0.4)\n")
     scene = str(tmp_path / "scene.py")
     assert run("export", scene, "-o", str(tmp_path / "made.stl")) == 2
     assert "scene.py:2: plane is unbounded" in capsys.readouterr().err and files(tmp_path) == {"scene.py"}

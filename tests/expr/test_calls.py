@@ -75,10 +75,10 @@ WRONG = {
         r"Camera was given 'position' twice: by position \(0, 0, 1\) \(tuple\), by name \(1, 2, 3\)",
     ),
     "twice, a node": (
-        lambda: rm.box().twist(rm.box, rate=2),  # type: ignore[call-arg]
+        lambda: rm.box(1).twist(rm.box, rate=2),  # type: ignore[call-arg]
         r"twist was given 'rate' twice: by position <function box> \(Builder\), by name 2 \(its parameters are rate\)",
     ),
-    "a package": (lambda: rm.gpu(rm.box()), r"raymarch.gpu is a package"),  # type: ignore[operator]
+    "a package": (lambda: rm.gpu(rm.box(1)), r"raymarch.gpu is a package"),  # type: ignore[operator]
 }
 
 
