@@ -51,7 +51,12 @@ FORMER = {
     r"Quality\([^()]*\btrust=": "assume_certified",
     r"Quality\([^()]*\bcorrection=": "refinement",
     r"Quality\([^()]*\bbudget=": "steps_per_pass",
-    r"PointLight\([^()]*(\([^()]*\)[^()]*)*\bradius=": "range",
+    r"(Point|Spot)Light\([^()]*(\([^()]*\)[^()]*)*\bsoftness=": "radius",
+    r"SpotLight\([^()]*(\([^()]*\)[^()]*)*\bangle=": "half_angle",
+    r"(Sun|SunSky)\([^()]*(\([^()]*\)[^()]*)*\bdirection=": "sun_direction",
+    r"Camera\([^()]*(\([^()]*\)[^()]*)*\bdirection=": "view_from",
+    r"ImageSky\([^()]*\bturn=": "rotation",
+    r"rm\.box\(\) - rm\.sphere\(0\.65\)": "rm.box(1)",
     r"SphereLight\([^()]*(\([^()]*\)[^()]*)*\bsize=": "radius",
 }
 """Regular expressions of former words, from the beginning of a word, and the words that replace them."""
@@ -91,7 +96,7 @@ def test_no_former_word_is_left() -> None:
     [
         ("float a = grazing(v, r);", "grazing("),
         ("a\nrm.Quality(samples=4, trust=True)", "Quality(samples=4, trust="),
-        ("rm.PointLight((0, 1, 2), color=(1, 0, 0), radius=3)", "PointLight((0, 1, 2), color=(1, 0, 0), radius="),
+        ("rm.PointLight((0, 1, 2), color=(1, 0, 0), softness=3)", "PointLight((0, 1, 2), color=(1, 0, 0), softness="),
         ("rm.Occlusion(0.5)", "Occlusion("),
     ],
 )
