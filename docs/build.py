@@ -290,7 +290,7 @@ PARTS = {
     "Camera and quality": (rm.Camera, rm.Quality),
     "Scene": (rm.Scene, rm.Fog, rm.AmbientOcclusion, rm.ToneMapping, rm.Bloom),
     "Lights": (Light, rm.Sun, rm.PointLight, rm.SpotLight, rm.SphereLight, rm.RectLight),
-    "Materials": (rm.Material, rm.Texture),
+    "Materials": (rm.Material, rm.planar, rm.triplanar),
     "Skies": (rm.Sky, rm.GradientSky, rm.SunSky, rm.ImageSky),
     "Parameters": (rm.Param,),
 }

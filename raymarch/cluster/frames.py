@@ -186,11 +186,13 @@ def render_frames(
     scene : a Scene, or the path of a scene file. A Scene with your own definitions can be sent to workers only if they
         can import the module of the definitions; a file is sent with all files that it reads.
     frames : numbers of the frames, such as range(0, 90).
-    fps : frames per second, above 0. size : (width, height) in pixels.
+    fps : frames per second, above 0.
+    size : (width, height) in pixels.
     out : a film (.mp4, .webm, .gif), or a name with a field for the number, "frame_{:04d}.png".
     client : a `distributed.Client`; None draws in this process.
     params : values of parameters by name.
-    alpha : make the sky transparent. strict : refuse a frame that has doubts, see `Frame.doubts`.
+    alpha : make the sky transparent.
+    strict : refuse a frame that has doubts, see `Frame.doubts`.
     resources : Dask resources that a worker must have, such as {"GPU": 1}.
     mixed_drivers : accept workers whose drivers may differ in the last bit.
     split_samples : number of tasks that share the samples of each pixel, from 1 to the samples.

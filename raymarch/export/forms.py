@@ -65,8 +65,6 @@ def export(
 ) -> Surface | None:
     """Write a scene to a file for other programs. The suffix selects the form.
 
-    Returns the mesh of a mesh file, as `triangulate` does; None for other forms.
-
     Parameters
     ----------
     scene : a Scene, or a node, which is wrapped in one.
@@ -87,6 +85,11 @@ def export(
         of the solid that are thinner than a cell may still be missing.
     box : meshes only. Corners (lower, upper), to which the solid is clipped. None is the bounds of the solid.
     progress : called with the fraction done, 0 to 1.
+
+    Returns
+    -------
+    Surface | None
+        The mesh of a mesh file, as `triangulate` does; None for other forms.
 
     Raises
     ------
@@ -151,12 +154,25 @@ def triangulate(
 ) -> Surface:
     """The surface of a solid as a closed triangle mesh, with its volume, area, centroid and bounds.
 
-    scene : a Scene or a node. time, params, cells, tolerance, box, progress : see `export`, whose errors it raises. It
-        needs no package.
+    Parameters
+    ----------
+    scene : a Scene or a node.
+    time, params, cells, tolerance, box, progress : see `export`, whose errors it raises. It needs no package.
 
-    Returns a Surface: `vertices` (N, 3) float64, `faces` (M, 3), `normals`, `colors`; `volume`, `area`, `centroid`,
-    `bounds`; and `deviation`, how far triangles were found to be from the surface. All are in scene units, and those of
-    the mesh: with twice the cells, the error of the volume of a smooth solid is about a quarter.
+    Returns
+    -------
+    Surface
+        A Surface: `vertices` (N, 3) float64, `faces` (M, 3), `normals`, `colors`; `volume`, `area`, `centroid`,
+        `bounds`; and `deviation`, how far triangles were found to be from the surface.
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
+    All are in scene units, and those of the mesh: with twice the cells, the error of the volume of a smooth solid is
+    about a quarter.
     """
     scene = as_scene("triangulate", scene)
     _check_progress("triangulate", progress)

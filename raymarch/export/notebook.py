@@ -45,12 +45,24 @@ def show(scene: Scene | Node, size: tuple[int, int] = (640, 400), time: float = 
 
     Parameters
     ----------
-    size : (width, height) in pixels. time, params : initial values.
+    scene : a Scene, or a solid in a default one.
+    size : (width, height) in pixels, each from 1 to 4096.
+    time, params : initial values.
 
-    Returns a widget if the package anywidget is installed and this is a notebook: `params`, `time`, `view`, `orbit` and
-    `pan` of the widget are those of the page, in both directions (see `raymarch.export.widget`). Else an object that
-    shows the page alone. A scene that a page cannot hold is shown as a picture. Raises SceneError for an unknown
-    parameter or a size that is no pair of integers from 1 to 4096.
+    Returns
+    -------
+    Any
+        A widget if the package anywidget is installed and this is a notebook: `params`, `time`, `view`, `orbit` and
+        `pan` of the widget are those of the page, in both directions (see `raymarch.export.widget`). Else an object
+        that shows the page alone.
+
+    Raises
+    ------
+    SceneError : an unknown parameter or a size that is no pair of integers from 1 to 4096.
+
+    Notes
+    -----
+    A scene that a page cannot hold is shown as a picture.
     """
     given = as_scene(scene)
     if not isinstance(size, tuple | list) or len(size) != 2:

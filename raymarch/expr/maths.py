@@ -97,36 +97,82 @@ def _of_arrays(function: Callable[P, Expr], called: str, legal: str, vectors: bo
     return call
 
 
-_PLAIN = "The function {} of GLSL, of each component."
-_PLAIN_VECTORS = "The function {} of vectors."
+_SECTIONS = """Parameters
+----------
+{} : {}, which are broadcast.
 
-_NUMBERS = """{} : expressions, numbers, or arrays of any shape, which are broadcast.
+Returns
+-------
+Expr, float or array
+    An expression if an argument is one, else a float or a float64 array.
 
-Returns an expression if an argument is one, else a float or a float64 array. SceneError for other arguments."""
+Raises
+------
+SceneError : other arguments."""
 
-_VECTORS = """{} : expressions, sequences of 2 to 4 numbers, or arrays (..., 2 to 4) of them, which are broadcast.
+_NUMBERS = "expressions, numbers, or arrays of any shape"
+_VECTORS = "expressions, sequences of 2 to 4 numbers, or arrays (..., 2 to 4) of them"
 
-Returns an expression if an argument is one, else a float or a float64 array. SceneError for other arguments."""
+
+_EXAMPLES = {
+    "sin": "0) | 0.0",
+    "cos": "0) | 1.0",
+    "tan": "0) | 0.0",
+    "asin": "0) | 0.0",
+    "acos": "1) | 0.0",
+    "atan": "0) | 0.0",
+    "atan2": "0, 1) | 0.0",
+    "sinh": "0) | 0.0",
+    "cosh": "0) | 1.0",
+    "tanh": "0) | 0.0",
+    "exp": "0) | 1.0",
+    "exp2": "3) | 8.0",
+    "log": "1) | 0.0",
+    "log2": "8) | 3.0",
+    "sqrt": "9) | 3.0",
+    "abs": "-2) | 2.0",
+    "sign": "-2) | -1.0",
+    "floor": "-1.5) | -2.0",
+    "ceil": "-1.5) | -1.0",
+    "fract": "-0.25) | 0.75",
+    "mod": "-1, 4) | 3.0",
+    "pow": "2, 3) | 8.0",
+    "min": "3, 1, 2) | 1.0",
+    "max": "3, 1, 2) | 3.0",
+    "clamp": "3, 0, 1) | 1.0",
+    "mix": "2, 4, 0.5) | 3.0",
+    "step": "1, [0, 2]) | array([0., 1.])",
+    "smoothstep": "0, 1, 0.5) | 0.5",
+    "length": "(3, 4)) | 5.0",
+    "distance": "(0, 0), (3, 4)) | 5.0",
+    "dot": "(1, 2, 3), (4, 5, 6)) | 32.0",
+    "cross_product": "(1, 0, 0), (0, 1, 0)) | array([0., 0., 1.])",
+    "normalize": "(0, 0, 2)) | array([0., 0., 1.])",
+}
+"""What a call of each function gives, for its help text."""
 
 
-def _names(function: Callable[..., Any]) -> str:
-    return ", ".join(inspect.signature(function).parameters)
+def _documented(call: Callable[P, Any], name: str, first: str, kinds: str) -> Callable[P, Any]:
+    """The function with a help text in sections."""
+    names = ", ".join(inspect.signature(call).parameters)
+    given, _, found = _EXAMPLES.get(name, "").partition(" | ")
+    shown = f"\n\nExamples\n--------\n>>> rm.{name}({given}\n{found}" if given else ""
+    call.__doc__ = f"{first}\n\n{_SECTIONS.format(names, kinds)}{shown}"
+    return call
 
 
 def _componentwise(function: Callable[P, Expr]) -> Callable[P, Any]:
     """A function of numbers."""
     name = function.__name__
     call = _of_arrays(function, name, "numbers, arrays of them, or expressions", False)
-    call.__doc__ = f"{function.__doc__ or _PLAIN.format(name)}\n\n{_NUMBERS.format(_names(function))}"
-    return call
+    return _documented(call, name, function.__doc__ or "", _NUMBERS)
 
 
 def of_vectors(function: Callable[P, Expr], called: str = "") -> Callable[P, Any]:
     """A function of vectors of 2 to 4 numbers, for expressions and for arrays. called : its name in messages."""
     name = called or function.__name__
     call = _of_arrays(function, name, "vectors of 2 to 4 numbers, arrays of them, or expressions", True)
-    call.__doc__ = f"{function.__doc__ or _PLAIN_VECTORS.format(name)}\n\n{_VECTORS.format(_names(function))}"
-    return call
+    return _documented(call, name, function.__doc__ or "", _VECTORS)
 
 
 sin = _componentwise(v.sin)
@@ -169,7 +215,23 @@ vec2, vec3, vec4 = checked(v.vec2), checked(v.vec3), checked(v.vec4)
 def where(condition: Any, a: Operand, b: Operand) -> Any:
     """a where the condition holds, else b. Of an expression both are computed.
 
+    Parameters
+    ----------
     condition : a comparison such as `rm.time < 1`; or True, False or an array of them, with numbers or arrays.
+    a, b : expressions, numbers or arrays, of one type.
+
+    Returns
+    -------
+    Expr, float or array
+
+    Raises
+    ------
+    SceneError : other arguments, or arrays that do not fit each other.
+
+    Examples
+    --------
+    >>> rm.where(True, 1, 2)
+    1.0
     """
     if isinstance(condition, Expr):
         return v.where(condition, a, b)

@@ -81,6 +81,16 @@ def value_noise(p: Operand, seed: int = 0, period: int = 0) -> Expr:
     seed : an integer; each gives other noise.
     period : the noise of a vec4 repeats in the fourth coordinate after so many units; 0 for never.
 
+    Returns
+    -------
+    Expr
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
     No slope exceeds pi, so `node.displace_by` derives its step length from noise too.
     """
     return _noise("value_noise", KINDS["value"], p, seed, period)
@@ -91,7 +101,17 @@ def gradient_noise(p: Operand, seed: int = 0, period: int = 0) -> Expr:
     """Gradient noise of a point, from -1 to 1 (Perlin 1985, with the weights of Perlin 2002): 0 at each lattice point,
     with a random slope there. More even than `value_noise`. No slope exceeds 3.225.
 
+    Parameters
+    ----------
     p, seed, period : as of `value_noise`.
+
+    Returns
+    -------
+    Expr
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
     """
     return _noise("gradient_noise", KINDS["gradient"], p, seed, period)
 
@@ -105,8 +125,19 @@ def worley(p: Operand, feature: str = "F1", seed: int = 0, period: int = 1) -> E
     p : a vec3, a vec2 for the plane z = 0, or a vec4 with time as the fourth coordinate, in which the points move.
     feature : "F1": the distance to the nearest point; "F2": to the second nearest; "F2-F1": 0 on the walls between
         cells. Points at a distance of 1 or more do not count: the largest value is 1.
-    seed : an integer. period : the points of a vec4 are back after so many units of the fourth coordinate, >= 1.
+    seed : an integer.
+    period : the points of a vec4 are back after so many units of the fourth coordinate, >= 1.
 
+    Returns
+    -------
+    Expr
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
     No slope exceeds 1, that of "F2-F1" 2.
     """
     kind = choice("worley: feature", feature, tuple(FEATURES), "'F1', 'F2' or 'F2-F1'")
@@ -162,6 +193,14 @@ def fbm(
     seed : an integer; each gives other noise.
     noise : "gradient" or "value".
     period : the noise of a vec4 repeats in the fourth coordinate after so many units; 0 for never.
+
+    Returns
+    -------
+    Expr
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
     """
     return _octaves("fbm", lambda n: n, p, octaves, gain, lacunarity, seed, noise, period)
 
@@ -178,7 +217,17 @@ def turbulence(
 ) -> Expr:
     """Turbulence, from 0 to 1: the weighted mean of the absolute values of octaves (Perlin 1985), with creases at 0.
 
+    Parameters
+    ----------
     p, octaves, gain, lacunarity, seed, noise, period : as of `fbm`.
+
+    Returns
+    -------
+    Expr
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
     """
     return _octaves("turbulence", abs, p, octaves, gain, lacunarity, seed, noise, period)
 
@@ -195,6 +244,16 @@ def ridged(
 ) -> Expr:
     """Ridges, from 0 to 1: the weighted mean of (1 - |n|)^2 of octaves n (Musgrave 1998, offset 1, without feedback).
 
+    Parameters
+    ----------
     p, octaves, gain, lacunarity, seed, noise, period : as of `fbm`.
+
+    Returns
+    -------
+    Expr
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
     """
     return _octaves("ridged", lambda n: v.square(1.0 - abs(n)), p, octaves, gain, lacunarity, seed, noise, period)

@@ -31,25 +31,25 @@ def _unary(op: str, doc: str | None = None) -> Callable[[Operand], Expr]:
 
 
 sign = _unary("sign", "-1, 0 or 1.")
-floor = _unary("floor")
-ceil = _unary("ceil")
+floor = _unary("floor", "The largest integer that is not above x.")
+ceil = _unary("ceil", "The least integer that is not below x.")
 round = _unary("round", "Nearest integer; halves round up, on every driver.")
 fract = _unary("fract", "x - floor(x), in [0, 1).")
 abs = _unary("abs", "|x|; Python's own abs() does the same.")
 sqrt = _unary("sqrt", "Square root; 0 for negative x.")
-exp = _unary("exp")
-exp2 = _unary("exp2")
+exp = _unary("exp", "e to the power of x.")
+exp2 = _unary("exp2", "2 to the power of x.")
 log = _unary("log", "Natural logarithm of max(x, 1.1754944e-38).")
 log2 = _unary("log2", "Logarithm to base 2 of max(x, 1.1754944e-38).")
-sin = _unary("sin")
-cos = _unary("cos")
-tan = _unary("tan")
+sin = _unary("sin", "Sine of an angle in radians.")
+cos = _unary("cos", "Cosine of an angle in radians.")
+tan = _unary("tan", "Tangent of an angle in radians.")
 asin = _unary("asin", "Arc sine of x clamped to [-1, 1].")
 acos = _unary("acos", "Arc cosine of x clamped to [-1, 1].")
-atan = _unary("atan")
-sinh = _unary("sinh")
-cosh = _unary("cosh")
-tanh = _unary("tanh")
+atan = _unary("atan", "Arc tangent in radians, from -pi/2 to pi/2.")
+sinh = _unary("sinh", "Hyperbolic sine.")
+cosh = _unary("cosh", "Hyperbolic cosine.")
+tanh = _unary("tanh", "Hyperbolic tangent.")
 
 
 def atan2(y: Operand, x: Operand) -> Expr:
@@ -73,10 +73,12 @@ def mod(x: Operand, y: Operand) -> Expr:
 
 
 def min(a: Operand, b: Operand, *more: Operand) -> Expr:
+    """The least of two values or more."""
     return reduce(partial(elementwise, "min"), more, elementwise("min", a, b))
 
 
 def max(a: Operand, b: Operand, *more: Operand) -> Expr:
+    """The largest of two values or more."""
     return reduce(partial(elementwise, "max"), more, elementwise("max", a, b))
 
 
@@ -149,6 +151,7 @@ def _vectors(name: str, *values: Operand) -> tuple[Expr, ...]:
 
 
 def dot(a: Vec, b: Vec) -> Expr:
+    """The dot product of two vectors: the sum of the products of their components."""
     return simplify("dot", FLOAT, _vectors("dot", a, b))
 
 
@@ -159,6 +162,7 @@ def length(v: Vec) -> Expr:
 
 
 def distance(a: Vec, b: Vec) -> Expr:
+    """The distance of two points, `length(a - b)`."""
     return length(expr(a) - b)
 
 
@@ -169,6 +173,7 @@ def normalize(v: Vec) -> Expr:
 
 
 def cross(a: Vec, b: Vec) -> Expr:
+    """The cross product of two vectors of 3 numbers: at right angles to both, by the right hand."""
     args = _vectors("cross", a, b)
     if args[0].type is not VEC3:
         raise SceneError(f"cross({args[0].type}, {args[1].type})", legal="two vec3")
@@ -178,9 +183,17 @@ def cross(a: Vec, b: Vec) -> Expr:
 def vec2(*parts: Operand) -> Expr:
     """A vector of 2 components, as in GLSL.
 
+    Parameters
+    ----------
     parts : numbers, vectors or expressions with 2 components together, or one number for all.
 
-    Returns an expression. SceneError for another number of components.
+    Returns
+    -------
+    Expr
+
+    Raises
+    ------
+    SceneError : another number of components.
     """
     return _of_size(2, parts)
 
@@ -188,9 +201,17 @@ def vec2(*parts: Operand) -> Expr:
 def vec3(*parts: Operand) -> Expr:
     """A vector of 3 components, as in GLSL.
 
+    Parameters
+    ----------
     parts : numbers, vectors or expressions with 3 components together, or one number for all.
 
-    Returns an expression. SceneError for another number of components.
+    Returns
+    -------
+    Expr
+
+    Raises
+    ------
+    SceneError : another number of components.
     """
     return _of_size(3, parts)
 
@@ -198,9 +219,17 @@ def vec3(*parts: Operand) -> Expr:
 def vec4(*parts: Operand) -> Expr:
     """A vector of 4 components, as in GLSL.
 
+    Parameters
+    ----------
     parts : numbers, vectors or expressions with 4 components together, or one number for all.
 
-    Returns an expression. SceneError for another number of components.
+    Returns
+    -------
+    Expr
+
+    Raises
+    ------
+    SceneError : another number of components.
     """
     return _of_size(4, parts)
 

@@ -113,13 +113,32 @@ class Frame:
         5 % of the picture (which renders the materials), and a picture without a hit (which renders the depth to
         confirm).
 
+        Parameters
+        ----------
         steps : also check whether more than 0.5 % of the rays ran out of steps. If a pixel is the mean of several rays,
             this marches a sparse subset of them again.
+
+        Returns
+        -------
+        list[str]
+
+        Raises
+        ------
+        SceneError : arguments of another kind or outside their range.
         """
         return list(self.warnings) if self._doubts is None else self._doubts(self, steps)
 
     def array(self, name: str) -> NDArray[Any]:
-        """An array by name, one of `raymarch.plan.OUTPUTS`."""
+        """An array by name, one of `raymarch.plan.OUTPUTS`.
+
+        Returns
+        -------
+        NDArray[Any]
+
+        Raises
+        ------
+        SceneError : arguments of another kind or outside their range.
+        """
         if name in self._arrays:
             return self._arrays[name]
         return self._unread_array(name).array(name)
@@ -216,8 +235,18 @@ class Frame:
     def image(self, alpha: bool = False) -> Image.Image:
         """The picture as 8-bit sRGB, after tone mapping by `tone`.
 
+        Parameters
+        ----------
         alpha : make the sky transparent: an RGBA picture whose colours do not contain the sky (straight alpha). Light
             that a post effect carries beyond the surfaces is as opaque as its brightest channel, at most 1.
+
+        Returns
+        -------
+        PIL.Image.Image
+
+        Raises
+        ------
+        SceneError : arguments of another kind or outside their range.
         """
         if not switch("image: alpha", alpha):
             pixels = self._pixels()

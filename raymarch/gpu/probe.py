@@ -110,10 +110,21 @@ def probe(
     than their spread states, fields of exact nodes that are not the distance, and fields without the stated symmetry.
     Of a scene with more than 256 nodes, those with facts of your own are sampled first.
 
-    scene : a Scene, or a solid. size : (width, height) in pixels. time : value of `rm.time` in seconds.
-    params : values of parameters by name. backend : see `Renderer`.
+    Parameters
+    ----------
+    scene : a Scene, or a solid.
+    size : (width, height) in pixels.
+    time : value of `rm.time` in seconds.
+    params : values of parameters by name.
+    backend : see `Renderer`.
 
-    Returns a Probe. Errors are those of `Renderer.render`.
+    Returns
+    -------
+    Probe
+
+    Raises
+    ------
+    RaymarchError : as of `Renderer.render`.
     """
     scene = as_scene("probe", scene)
     with Renderer(size, backend) as renderer:

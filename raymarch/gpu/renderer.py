@@ -136,7 +136,12 @@ class Renderer:
 
     def resize(self, size: tuple[int, int]) -> None:
         """Change the size of the following frames. DeviceError if the driver cannot draw it; the old size then
-        stays."""
+        stays.
+
+        Raises
+        ------
+        SceneError : arguments of another kind or outside their range.
+        """
         with self.context.bound():
             self._refuse_while_drawing("resize")
             self._size = self._target_size(size)
@@ -181,6 +186,10 @@ class Renderer:
             nothing is left. None sets no budget.
         part : the part of a larger picture to render; the renderer's size is that of the part. Not with `temporal` or
             rays="interpolated".
+
+        Returns
+        -------
+        Frame
 
         Raises
         ------
@@ -542,16 +551,33 @@ def render(
 ) -> Image.Image:
     """Render a picture of a scene, or of a solid, as 8-bit sRGB; with `alpha`, as RGBA with a transparent sky.
 
-    `quality` replaces the scene's quality. `samples` is the number of rays per pixel, against aliasing and noise, in
-    place of that of the quality; 16 smooth the edges. For many frames use one `Renderer`, which compiles once;
-    parameters and errors are those of `Renderer` and `Renderer.render`. Each of `Frame.doubts` is emitted as a
-    RenderWarning. With `strict` doubts raise RenderError, and too many rays that run out of steps are a doubt, too.
+    For many frames use one `Renderer`, which compiles once. Each of `Frame.doubts` is emitted as a RenderWarning.
 
-    scene : a Scene, or a solid, which is put into a default one. size : (width, height) in pixels.
-    time : value of `rm.time` in seconds. params : values of parameters by name. backend : see `Renderer`.
+    Parameters
+    ----------
+    scene : a Scene, or a solid, which is put into a default one.
+    size : (width, height) in pixels.
+    time : value of `rm.time` in seconds.
+    params : values of parameters by name.
+    backend : see `Renderer`.
+    strict : doubts raise RenderError; too many rays that run out of steps are a doubt, too.
+    alpha : make the sky transparent.
+    samples : rays per pixel, 1 or more, against aliasing and noise; 16 smooth the edges. None is that of the quality.
+    quality : replaces the scene's; see `Quality.preset`.
 
-    Returns a PIL image of mode RGB, or RGBA with `alpha`.
+    Returns
+    -------
+    PIL.Image.Image
+        Of mode RGB, or RGBA with `alpha`.
 
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+    DeviceError : no OpenGL, or a size that the driver cannot draw.
+    RenderError : the picture may be wrong, with `strict`.
+
+    Examples
+    --------
     >>> rm.render(rm.sphere(1), size=(64, 36)).size
     (64, 36)
     """

@@ -26,10 +26,14 @@ so that none is drawn."""
 class Slice(Value):
     """The plane dot(normal, p) = offset: the output "slice" of `Renderer.render` with its parameter.
 
+    Parameters
+    ----------
     normal : a direction of any length > 0; it is kept with length 1, and the offset divided by its length.
     offset : the plane's distance from the origin along the normal, times the length of `normal`.
 
-    Raises SceneError if that is no plane.
+    Raises
+    ------
+    SceneError : that is no plane.
     """
 
     output: ClassVar[str] = "slice"

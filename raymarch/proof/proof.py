@@ -114,14 +114,24 @@ class Proof:
         return "; ".join(parts)
 
     def image(self) -> Image.Image:
-        """Proved pixels green, contradicted ones red, open ones yellow."""
+        """Proved pixels green, contradicted ones red, open ones yellow.
+
+        Returns
+        -------
+        PIL.Image.Image
+        """
         picture = np.zeros((*self.state.shape, 3), np.uint8)
         for state, color in COLORS.items():
             picture[self.state == state] = color
         return Image.fromarray(picture)
 
     def as_dict(self) -> dict[str, Any]:
-        """Figures for JSON."""
+        """Figures for JSON.
+
+        Returns
+        -------
+        dict[str, Any]
+        """
         height, width = self.state.shape
         rows, columns = np.nonzero(self.state == CONTRADICTED)
         return {
@@ -179,15 +189,19 @@ def prove(
     pixels : "whole" also bounds the part of each pixel that the solid covers, by beams around all rays of the pixel.
     progress : called with the share that is done, 0 to 1.
 
-    Returns a `Proof`.
+    Returns
+    -------
+    Proof
+
+    Raises
+    ------
+    SceneError : a frame without depths (H, W) or with NaN, and for a tolerance that is not above 0.
 
     Notes
     -----
     The field is that of real numbers, as the definitions state it. The proof needs no Lipschitz constant. Of a union of
     several solids it uses their bounding boxes, unless a box is unknown. It is about the rays through the centres of
     pixels, from the camera's position in float64, up to the distance at which rays end.
-
-    Raises SceneError for a frame without depths (H, W) or with NaN, and for a tolerance that is not above 0.
     """
     scene = as_scene("prove", scene)
     if pixels not in ("center", "whole"):

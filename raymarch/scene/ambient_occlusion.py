@@ -36,10 +36,13 @@ class AmbientOcclusion(Part):
         field value over sample distance ("Signed Distance Field in Real-time Rendering"). At 0.5 near obstacles count
         most (Evans 2006).
 
+    Raises
+    ------
+    SceneError : a value outside its range.
+
     Notes
     -----
     Ambient light is the light of a sky with `light=True` and the `ambient` term of Phong materials.
-    Raises SceneError for a value outside its range.
     """
 
     BELONGS: ClassVar[str] = "Scene(occlusion=...)"

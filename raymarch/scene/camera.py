@@ -146,11 +146,16 @@ class Camera(Part):
     view_from : the direction (x, y, z) from the target to a camera without a position, any length but 0. None is
         (0.5, 0.45, 1). The camera stands so far away that the picture shows the whole scene, whatever its proportions.
 
+    Raises
+    ------
+    SceneError : a degenerate camera: position equal to target, up parallel to the view, fov out of range.
+
     Notes
     -----
     Each value may be an expression of parameters and time. The camera then moves without a recompile.
-    Raises SceneError for a degenerate camera: position equal to target, up parallel to the view, fov out of range.
 
+    Examples
+    --------
     >>> rm.Camera(position=(3, 2, 4), target=(0, 0, 0), fov=35).replace(fov=50)
     Camera(position=(3.0, 2.0, 4.0), target=(0.0, 0.0, 0.0), fov=50.0)
     """
@@ -244,7 +249,13 @@ class Camera(Part):
             `Camera(view_from=...)` sees the whole scene at any proportions.
         margin : size of the picture over that of the box, >= 1.
 
-        Raises SceneError for a node without a finite box, and for a value outside its range.
+        Returns
+        -------
+        Self
+
+        Raises
+        ------
+        SceneError : a node without a finite box, and for a value outside its range.
         """
         solid = instance("Camera.framing: node", node, Node, "a node such as sphere()")
         away, upward = (_numbers(f"Camera.framing: {n}", v) for n, v in (("view_from", view_from), ("up", up)))

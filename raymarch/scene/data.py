@@ -37,8 +37,18 @@ def sampled(
     size : full extents of the box, numbers > 0.
     center : centre of the box.
 
-    Returns a function of a point, for values of materials, skies and lights, and for arrays of points (..., 3). It
-    interpolates linearly; outside of the box the value is that of the nearest point of the box. A function that is
+    Returns
+    -------
+    Callable[[Any], Any]
+        A function of a point, for values of materials, skies and lights, and for arrays of points (..., 3).
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
+    It interpolates linearly; outside of the box the value is that of the nearest point of the box. A function that is
     given to `displace_by` with it needs `lipschitz`.
     """
     array = finite_grid("sampled", values, "numbers")
@@ -65,8 +75,15 @@ def colormap(value: Any, colors: str | Sequence[ColorLike] = "viridis", low: Sca
         the value, between which linear RGB is interpolated.
     low, high : the values of the first and of the last colour. Values beyond them have these colours.
 
-    Returns a vec3 for an expression, else an array with the shape of `value` and a last axis of 3, as `Material` and
-    `instances` take.
+    Returns
+    -------
+    Any
+        A vec3 for an expression, else an array with the shape of `value` and a last axis of 3, as `Material` and
+        `instances` take.
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
     """
     legal = f"{', '.join(map(repr, MAPS))}, or two or more colours"
     if isinstance(colors, str):

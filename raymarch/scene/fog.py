@@ -35,11 +35,14 @@ class Fog(Part):
         density * exp(-falloff * (y - height)). 0 is homogeneous fog.
     height : the y at which the fog has its `density`. Without `falloff` it has no effect.
 
+    Raises
+    ------
+    SceneError : a negative value.
+
     Notes
     -----
     Homogeneous fog covers surfaces, not the sky. Fog with a falloff also covers the sky, as far as rays pass it: fully
     at the horizon, and less upwards. Only the ray from the camera to the first surface passes fog.
-    Raises SceneError for a negative value.
     """
 
     BELONGS: ClassVar[str] = "Scene(fog=...)"

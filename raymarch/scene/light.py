@@ -61,12 +61,12 @@ DIRECTION = var("wi", VEC3)
 class DirectionSample(NamedTuple):
     """The light of an emitter at a point of a surface.
 
-    Attributes
+    Parameters
     ----------
-    direction : unit vector towards the light.
-    distance : length of the shadow ray.
-    radiance : linear RGB, reflected by a white diffuse surface that faces the light: irradiance / pi. Where it is 0, no
-        shadow ray is traced.
+    direction : unit vector towards the light, along which the shadow ray runs.
+    distance : length of the shadow ray, > 0.
+    radiance : linear RGB >= 0, reflected by a white diffuse surface that faces the light: irradiance / pi. Where it is
+        0, no shadow ray is traced.
     """
 
     direction: Expr
@@ -225,6 +225,10 @@ class Light(Part):
         - "triangulated": as "cone", with the clearance between two samples estimated (Aaltonen 2018).
         - "sampled": a hard shadow of one random point of the light. It is correct for all obstacles, and for
           highlights. It is noisy: it needs `Quality(samples=...)` or several frames.
+
+    Raises
+    ------
+    SceneError : a value outside its range.
     """
 
     BELONGS: ClassVar[str] = "Scene(lights=[...])"
@@ -326,9 +330,9 @@ class Sun(Light):
     softness : tangent of the angular radius of the sun, >= 0: 0.0047 for the real one. Light comes evenly from that
         cone. 0 gives a hard shadow, which is the cheapest.
 
-    Notes
-    -----
-    Raises SceneError for a value outside its range.
+    Raises
+    ------
+    SceneError : a value outside its range.
     """
 
     sun_direction: Expr
@@ -371,9 +375,9 @@ class PointLight(Light):
     attenuation : (constant, linear, quadratic), each >= 0, not all 0. The light is divided by this polynomial of the
         distance instead of its square. With a range, it is multiplied by 1 - d/range.
 
-    Notes
-    -----
-    Raises SceneError for a value outside its range.
+    Raises
+    ------
+    SceneError : a value outside its range.
     """
 
     position: Expr
@@ -453,9 +457,9 @@ class SpotLight(PointLight):
         ((c - c0) / (c1 - c0))^2.
     color, intensity, shadow, radius, penumbra, range, shadow_radius, attenuation : see `PointLight`.
 
-    Notes
-    -----
-    Raises SceneError for a value outside its range.
+    Raises
+    ------
+    SceneError : a value outside its range.
     """
 
     direction: Expr
@@ -513,11 +517,14 @@ class SphereLight(PointLight):
     visible : whether camera rays, mirrors and refraction show the sphere, with a radiance of intensity / radius^2. It
         needs no node, and casts no shadow. In scenes with bounces, its shadow is sampled, whatever its `penumbra`.
 
+    Raises
+    ------
+    SceneError : a value outside its range.
+
     Notes
     -----
     A diffuse surface is lit exactly by the part of the sphere above its horizon. Points within the sphere receive no
     light. Highlights are those of a point, unless the light is sampled.
-    Raises SceneError for a value outside its range.
     """
 
     visible: bool
@@ -586,10 +593,13 @@ class RectLight(Light):
     visible : whether camera rays, mirrors and refraction show the side that shines, with a radiance of
         pi * intensity / (width * height). It needs no node, and casts no shadow. The other side is never seen.
 
+    Raises
+    ------
+    SceneError : a value outside its range.
+
     Notes
     -----
     A point at distance d adds intensity * cos(angle to `direction`) / d^2.
-    Raises SceneError for a value outside its range.
     """
 
     position: Expr

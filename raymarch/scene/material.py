@@ -83,9 +83,12 @@ class Material(Value):
     height_scale : factor of the heights, in units of length.
     occlusion : fraction of ambient light and sky light that reaches the surface, in [0, 1]. Default 1. Ignored by
         path-traced light.
-
     bsdf : physical. A class of BSDFs of your own, in place of microfacets; see "A BSDF" in docs/extending.md. A scene
         has at most one.
+
+    Raises
+    ------
+    SceneError : a value outside its range, and for values of both models in one material.
 
     Notes
     -----
@@ -102,8 +105,8 @@ class Material(Value):
     Metals include multiple scattering between microfacets (Kulla and Conty 2017). `clearcoat` and `clearcoat_roughness`
     are those of glTF's KHR_materials_clearcoat, with energy-conserving layers; see `raymarch/scene/layers.py`.
 
-    Raises SceneError for a value outside its range, and for values of both models in one material.
-
+    Examples
+    --------
     >>> rm.Material(albedo="gold", metalness=1, roughness=0.2).replace(roughness=0.5)
     Material(albedo=(1.0, 0.679542, 0.0), metalness=1.0, roughness=0.5)
     """

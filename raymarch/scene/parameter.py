@@ -108,10 +108,16 @@ def Param(
     -------
     An expression, which can be used wherever a number is expected.
 
+    Raises
+    ------
+    SceneError : a value outside its range or an illegal name.
+
     Notes
     -----
-    Two parameters of one name must be equal. Raises SceneError for a value outside its range or an illegal name.
+    Two parameters of one name must be equal.
 
+    Examples
+    --------
     >>> rm.sphere(rm.Param("radius", 1, 0.5, 2)).bounds[1]
     array([2., 2., 2.])
     """

@@ -36,6 +36,14 @@ def checker(a: Scalar | ColorLike, b: Scalar | ColorLike, size: Scalar = 1.0, ax
     axis : None for cubes. "x", "y" or "z" for squares at right angles to this axis: "y" for floors. They are filtered:
         each pixel shows the mean over its footprint, so a floor shows no moire towards the horizon.
 
+    Returns
+    -------
+    Pattern
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
     Notes
     -----
     The origin is a quarter of an edge inside its cube. So surfaces through the origin, or half an edge beside it, do
@@ -81,6 +89,14 @@ def grid_lines(
     size : distance of the lines, > 0. Two lines cross at the origin.
     width : width of a line, >= 0 and at most `size`.
     axis : "x", "y" or "z": the grid is at right angles to it.
+
+    Returns
+    -------
+    Pattern
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
     """
     first, second = _pair("grid_lines", a, b)
     spacing = as_number("grid_lines: size", size, low=LEAST_LENGTH)
@@ -106,6 +122,14 @@ def stripes(a: Scalar | ColorLike, b: Scalar | ColorLike, width: Scalar = 0.5, a
     a, b : two numbers, or two colours.
     width : thickness of a layer, > 0.
     axis : "x", "y" or "z".
+
+    Returns
+    -------
+    Pattern
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
     """
     axis = choice("stripes: axis", axis, AXES, "'x', 'y' or 'z'")
     first, second = _pair("stripes", a, b)
@@ -122,6 +146,14 @@ def noise(a: Scalar | ColorLike, b: Scalar | ColorLike, scale: Scalar = 1.0, oct
     a, b : two numbers, or two colours.
     scale : size of the largest features, > 0.
     octaves : number of layers, 1 to 8. Each has half the size and half the weight of the one before.
+
+    Returns
+    -------
+    Pattern
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
     """
     octaves = integer("noise: octaves", octaves, 1, 8)
     first, second = _pair("noise", a, b)
@@ -147,6 +179,14 @@ def marble(
     turbulence : standard deviation of the displacement of the veins, in units of `scale`, >= 0.
     axis : "x", "y" or "z", across the veins.
     octaves : number of layers of the noise, 1 to 8.
+
+    Returns
+    -------
+    Pattern
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
     """
     axis = choice("marble: axis", axis, AXES, "'x', 'y' or 'z'")
     octaves = integer("marble: octaves", octaves, 1, 8)

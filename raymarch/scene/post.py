@@ -78,6 +78,10 @@ class Bloom(PostEffect):
     radius : standard deviation of the widest glow, as a fraction of the picture's height, 0 to 1. The glow is the mean
         of six blurs, each half as wide as the one before. So it looks the same at every resolution.
 
+    Raises
+    ------
+    SceneError : a value outside its range.
+
     Notes
     -----
     A blur goes down and up a pyramid of pictures, each half as large, as in Jimenez (2014), "Next Generation Post
@@ -89,7 +93,6 @@ class Bloom(PostEffect):
     constant picture are kept at every size. Pixels that are not finite stay as they are, and do not glow.
 
     It needs the whole picture: pictures that are drawn in tiles are refused, and exported shaders have none.
-    Raises SceneError for a value outside its range.
     """
 
     MODULE = "post/bloom"

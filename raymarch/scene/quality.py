@@ -154,9 +154,9 @@ class Quality(Value):
         distance to the operands evaluated before. This changes no value of the field. True: all operands with a box
         and a certified lower bound. False: none. None: those that are costly.
 
-    Notes
-    -----
-    Raises SceneError for a value outside its range, and for settings that exclude each other.
+    Raises
+    ------
+    SceneError : a value outside its range, and for settings that exclude each other.
     """
 
     BELONGS: ClassVar[str] = "Scene(quality=...)"
@@ -243,7 +243,16 @@ class Quality(Value):
     @classmethod
     @checked
     def preset(cls, name: str) -> Self:
-        """A quality by its error: "draft", "normal" (the default), "fine" or "exact"; see `PROMISED`."""
+        """A quality by its error: "draft", "normal" (the default), "fine" or "exact"; see `PROMISED`.
+
+        Returns
+        -------
+        Self
+
+        Raises
+        ------
+        SceneError : arguments of another kind or outside their range.
+        """
         return cls(**PRESETS[choice("Quality: preset", name, tuple(PRESETS))])
 
     def to_preset(self, name: str) -> Self:

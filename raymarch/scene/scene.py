@@ -86,10 +86,12 @@ class Scene(Value):
         reference `rm.truth` has the Whitted integrator, but no path tracing.
     post : post effects in order. They change the finished picture in linear light, before tone mapping.
 
-    Notes
-    -----
-    Raises SceneError for an argument of another type or outside its range.
+    Raises
+    ------
+    SceneError : an argument of another type or outside its range.
 
+    Examples
+    --------
     >>> scene = rm.Scene(rm.sphere() | rm.plane(offset=-1), lights=[rm.Sun(shadow=True)])
     >>> scene.replace(lights=[]).lights
     ()
@@ -211,7 +213,19 @@ class Scene(Value):
     ) -> Image:
         """Render the scene and show the picture: in a notebook as the value of a cell, else in the system's viewer.
 
-        Returns the picture. Parameters and errors are those of `raymarch.render`. SceneError if there is no display.
+        Parameters and errors are those of `raymarch.render`.
+
+        Returns
+        -------
+        Image
+            The picture.
+
+        Raises
+        ------
+        SceneError : there is no display.
+
+        Notes
+        -----
         For a window that you can move in, use the command `raymarch view`.
         """
         inline = in_notebook()

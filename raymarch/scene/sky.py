@@ -45,9 +45,9 @@ class Sky(Value):
         (the first nine spherical harmonics, Ramamoorthi and Hanrahan 2001). Mirrors receive its colour in the direction
         of reflection, and rough surfaces a mix of both. Only `AmbientOcclusion` dims this light. False costs nothing.
 
-    Notes
-    -----
-    Raises SceneError for a negative colour, or a function that does not give three numbers.
+    Raises
+    ------
+    SceneError : a negative colour, or a function that does not give three numbers.
     """
 
     BELONGS: ClassVar[str] = "Scene(sky=...)"
@@ -156,6 +156,10 @@ class GradientSky(Sky):
     ----------
     zenith, horizon, ground : linear RGB, each >= 0.
     light : see `Sky`.
+
+    Raises
+    ------
+    SceneError : a negative colour.
     """
 
     zenith: Expr
@@ -194,6 +198,10 @@ class SunSky(Sky):
         a white floor under the sky and `sun()` about 0.4 at an elevation of 17 degrees, 1 at 50 and 1.25 at 90.
     ground : colour below the horizon, linear RGB, each >= 0.
     light : see `Sky`. It does not include the direct light of the sun: add `sun()` to the lights of the scene.
+
+    Raises
+    ------
+    SceneError : a value outside its range.
     """
 
     sun_direction: Expr
@@ -231,8 +239,18 @@ class SunSky(Sky):
     ) -> Sun:
         """The sun as a light: white at the zenith, red at the horizon.
 
+        Parameters
+        ----------
         intensity : factor >= 0, multiplied by the intensity of the sky.
         shadow, softness, penumbra : see `Sun`.
+
+        Returns
+        -------
+        Sun
+
+        Raises
+        ------
+        SceneError : arguments of another kind or outside their range.
         """
         up = max(self.sun_direction.y, 0.0)
         through = exp(expr((-0.06, -0.12, -0.28)) / (up + 0.1))
@@ -251,9 +269,9 @@ class ImageSky(Sky):
     rotation : about the y axis, in radians.
     light : see `Sky`.
 
-    Notes
-    -----
-    Raises SceneError for a file that is missing, broken or too large.
+    Raises
+    ------
+    SceneError : a file that is missing, broken or too large.
     """
 
     source: str

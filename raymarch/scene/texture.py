@@ -86,10 +86,14 @@ class Texture(Value, MapValue):
 
     Parameters
     ----------
-    what : name of the caller, for messages.
+    what : the name in messages, "planar" or "triplanar".
     picture : the picture as stored.
     layout : its projection.
     wrap, channel, green : see `planar`.
+
+    Raises
+    ------
+    SceneError : as `planar` does.
     """
 
     BELONGS: ClassVar[str] = "a value of a Material"
@@ -288,9 +292,13 @@ def planar(
         texture.
     green : direction of the green channel of a normal map: "up" (OpenGL) or "down" (Direct3D).
 
-    Notes
-    -----
-    Raises SceneError for a file that is missing or broken, more than 4096 pixels along an edge, or values out of range.
+    Returns
+    -------
+    Texture
+
+    Raises
+    ------
+    SceneError : a file that is missing or broken, more than 4096 pixels along an edge, or values out of range.
     """
     choice("planar: axis", axis, tuple(FACES), "'x', 'y' or 'z'")
     return _projected("planar", source, axis, size, offset, rotation, 1.0, wrap=wrap, channel=channel, green=green)
@@ -315,10 +323,17 @@ def triplanar(
     source, size, offset, rotation, wrap, channel, green : see `planar`.
     hardness : from 1 (wide blend) to 64. The weights are |n|^hardness, divided by their sum.
 
+    Returns
+    -------
+    Texture
+
+    Raises
+    ------
+    SceneError : as `planar` does.
+
     Notes
     -----
     The normal and height maps of the three projections add up as gradients (Mikkelsen 2020).
-    Raises SceneError as `planar` does.
     """
     return _projected(
         "triplanar", source, None, size, offset, rotation, hardness, wrap=wrap, channel=channel, green=green

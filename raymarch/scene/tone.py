@@ -85,9 +85,9 @@ class ToneMapping(Value):
     dither : round to 8 bits up or down by a hash of the pixel, so that gradients show no bands. The same picture gives
         the same bytes.
 
-    Notes
-    -----
-    Raises SceneError for a value outside its range.
+    Raises
+    ------
+    SceneError : a value outside its range.
     """
 
     BELONGS: ClassVar[str] = "Scene(tone=...)"

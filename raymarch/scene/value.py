@@ -51,7 +51,16 @@ class Value:
         return {name: getattr(self, name) for name in parameters_of(type(self))}
 
     def replace(self, **changes: Any) -> Self:
-        """A copy with some constructor arguments replaced. SceneError for an unknown name or an illegal value."""
+        """A copy with some constructor arguments replaced. SceneError for an unknown name or an illegal value.
+
+        Returns
+        -------
+        Self
+
+        Raises
+        ------
+        SceneError : arguments of another kind or outside their range.
+        """
         names = parameters_of(type(self))
         for name, value in changes.items():
             if name not in names:

@@ -251,10 +251,20 @@ def union(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 
         (legs), "stairs", "columns".
     steps : number of stairs or columns, >= 1.
 
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : no nodes, solids beside flat shapes, or a value out of its range.
+
+    Notes
+    -----
     Exact outside if the operands are exact. A "bound" as a whole, because inside overlapping solids it is not exact.
 
-    Returns a node. SceneError for no nodes, solids beside flat shapes, or a value out of its range.
-
+    Examples
+    --------
     >>> rm.union(rm.sphere(1), rm.box(1).translate((2, 0, 0))).bounds[1]
     array([2.5, 1. , 1. ])
     """
@@ -265,10 +275,25 @@ def union(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 
 def intersection(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
     """Intersection: `a & b`, or with rounded new edges for k > 0.
 
+    Parameters
+    ----------
+    nodes : one or more solids, or flat shapes.
     k, blend, steps : see `union`.
 
-    Returns a node. A bound. SceneError as for `union`.
+    Returns
+    -------
+    Node
 
+    Raises
+    ------
+    SceneError : as for `union`.
+
+    Notes
+    -----
+    A bound.
+
+    Examples
+    --------
     >>> rm.intersection(rm.sphere(1), rm.box(1)).bounds[1]
     array([0.5, 0.5, 0.5])
     """
@@ -279,12 +304,27 @@ def intersection(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps:
 def difference(*nodes: Node, k: Scalar = 0.0, blend: str = "quadratic", steps: int = 4) -> Node:
     """Difference: `a - b`, the first solid without the others, or with rounded new edges for k > 0.
 
+    Parameters
+    ----------
+    nodes : one or more solids, or flat shapes.
     k, blend, steps : see `union`.
 
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : as for `union`.
+
+    Notes
+    -----
     A cut surface has the material of the subtracted solid if it has one, else that of the first solid.
 
-    Returns a node. A bound. SceneError as for `union`.
+    A bound.
 
+    Examples
+    --------
     >>> rm.difference(rm.box(2), rm.sphere(1)).distance((0, 0, 0))
     array(1.)
     """

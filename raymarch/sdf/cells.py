@@ -145,6 +145,16 @@ def repeat_varied(
     spacing : a length > 0 for each of x, y and z, or one number for all. None means no repetition along that axis.
     count : number of cells, centred on the origin: one number, or one for each axis. None means infinitely many.
 
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
     Facts hold for every index. A value that depends on the index must have a finite range: with infinitely many cells
     use sin, mod or clamp. The solid must fit its cell, from -spacing/2 to spacing/2, for every index.
 

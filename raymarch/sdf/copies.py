@@ -142,8 +142,20 @@ def polar_sectors(
 def polar(node: Node, count: int = 6) -> Node:
     """Copies at equal angles about the y axis; the solid itself is the first.
 
+    Parameters
+    ----------
     count : number of copies, >= 1.
 
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
     Exact for an exact child that stays in its sector without touching the sides of the sector. Evaluates 1 copy of a
     child that is symmetric about the middle of its sector (about z = 0 if it is on the x axis), else 2. A child that
     extends beyond its sector is evaluated for every copy, and refused if there are more than 24.
@@ -270,6 +282,16 @@ def repeat_mirrored(
     count : number of cells, centred on the origin: one number, or one for each axis. None means infinitely many. An
         even number has a wall at the origin: the centres nearest to it are at spacing / 2 on either side.
 
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
     The solid must lie in its cell, from -spacing/2 to spacing/2. One evaluation is exact for any exact child: the
     neighbour is the mirror image of the solid in the point's own cell, and the image of a surface point is farther away
     than the surface point itself.
@@ -297,6 +319,16 @@ def repeat_interval(
     first, last : indices of the first and the last copy, first <= last: one, or one for each axis. Copy 0 is at the
         position of the solid.
 
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
     As for `repeat`, the child must fit its cell, and the field is exact for an exact child.
     """
     steps = each_axis("repeat_interval", "spacing", spacing)

@@ -404,9 +404,18 @@ def shape(
     dimension : 3, or 2 for a shape to extrude or revolve.
     called : the name in messages, reprs and GLSL; by default that of the function.
 
-    The functions may take some of the parameters only, by name.
-    The parameters are annotated with `Positive`, `Vec3`, ...; other values are refused before the definition runs.
-    Raises SceneError if a fact is missing.
+    Returns
+    -------
+    A decorator, which gives a function that makes nodes.
+
+    Raises
+    ------
+    SceneError : a fact is missing.
+
+    Notes
+    -----
+    The functions may take some of the parameters only, by name. The parameters are annotated with `Positive`, `Vec3`,
+    ...; other values are refused before the definition runs.
     """
     return _decorator("none", **locals())
 
@@ -456,6 +465,14 @@ def operator(
     dimension, child_dimension : 2 or 3, of the result and of the child. With dimension="any" the child may be 3D or
         flat; for a flat child p, and parameters that are a vec3 (mat3) in 3D, become a vec2 (mat2).
     called : the name in messages, reprs and GLSL; by default that of the function.
+
+    Returns
+    -------
+    A decorator, which gives a function that makes nodes.
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
     """
     given = locals()
     placed = placing in ("rigid", "scale")

@@ -108,6 +108,20 @@ def twist_about_y(p: Expr, child: Child, rate: Number, reach: Positive) -> Expr:
 def twist(node: Node, rate: Scalar = 1.0) -> Node:
     """Twist about the y axis by `rate` radians per unit of y.
 
+    Parameters
+    ----------
+    rate : radians per unit of length, finite.
+
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
     A bound: divided by (m + sqrt(m^2 + 4)) / 2, where m is rate times the largest distance of the solid from the axis.
     The solid must be bounded along x and z.
     """
@@ -140,6 +154,20 @@ def bend_about_z(p: Expr, child: Child, rate: Number, reach: Positive) -> Expr:
 def bend(node: Node, rate: Scalar = 0.5) -> Node:
     """Bend about the z axis by `rate` radians per unit of x: a bar along x curls up.
 
+    Parameters
+    ----------
+    rate : radians per unit of length, finite.
+
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
     A bound: divided by 1 + rate times the largest distance of the solid from the z axis. The solid must be bounded
     along x and y.
     """
@@ -210,7 +238,21 @@ def taper_along_y(p: Expr, child: Child, rate: Number, reach: Positive, low: Len
 def taper(node: Node, rate: Scalar = 0.3) -> Node:
     """Taper along y: at height y the solid is scaled across y by the factor 1 + rate y.
 
-    A bound: divided by the largest stretch over the solid's box. The solid must be bounded.
+    Parameters
+    ----------
+    rate : change of the factor per unit of length; it must stay above 0 in the solid's box.
+
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : an unbounded solid, or a rate that is too large for it.
+
+    Notes
+    -----
+    A bound: divided by the largest stretch over the solid's box.
     """
     reach = _reach(node, "taper", "xz")
     low, high = float(node.facts.lower[1]), float(node.facts.upper[1])
@@ -240,9 +282,21 @@ def displace(
 ) -> Node:
     """Displace by amplitude times sin(fx x) sin(fy y) sin(fz z), which is added to the field.
 
+    Parameters
+    ----------
     amplitude : length >= 0; or a function of the point, for `displace_by`: `lambda p: 0.1 * rm.fbm(p)`.
     frequency : radians per unit of length, one number or three.
 
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
     A bound: divided by 1 + amplitude times the largest frequency.
     """
     if callable(amplitude):
@@ -276,9 +330,21 @@ def sheared(
 def shear(node: Node, amount: Scalar = 0.5, axis: str = "x", by: str = "y") -> Node:
     """Shear along one axis by `amount` times the coordinate along another.
 
+    Parameters
+    ----------
     amount : length per unit of length.
     axis, by : two of "x", "y", "z": the axis of the motion, and the axis whose coordinate counts.
 
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
     A bound: divided by (a + sqrt(a^2 + 4)) / 2 with a = |amount|, the largest stretch. The stretch is the same
     everywhere, so the solid may be unbounded.
     """
@@ -373,9 +439,21 @@ def wrapped(
 def wrap_around(node: Node, start: Scalar | None = None, end: Scalar | None = None) -> Node:
     """Wrap a slab along x once around the y axis to form a ring.
 
+    Parameters
+    ----------
     start, end : the coordinates x that meet at the back, start < end; by default the ends of the solid's box. The solid
         must lie between them. z = 0 maps to the radius (end - start) / (2 pi), +z points outwards, y is unchanged.
 
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
     A bound: inside the radius the field is weighted by the distance from the axis, and the result is divided by 1.125.
     Evaluates the slab once if it is symmetric about the middle of start and end, which must be 0, else twice.
     """

@@ -35,7 +35,18 @@ TINY = 1e-20
 def plane_fold(z: Operand, normal: Operand) -> Expr:
     """Reflect points behind a plane through the origin to its front.
 
-    z : vec3. normal : vec3 of any length but 0, towards the front. Keeps distances: `growth` stays as it is.
+    Parameters
+    ----------
+    z : vec3.
+    normal : vec3 of any length but 0, towards the front. Keeps distances: `growth` stays as it is.
+
+    Returns
+    -------
+    Expr
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
     """
     n = normalize(as_operand("plane_fold: normal", normal, "a vec3, not all zero"))
     z = as_operand("plane_fold: z", z, "a vec3")
@@ -46,7 +57,18 @@ def plane_fold(z: Operand, normal: Operand) -> Expr:
 def box_fold(z: Operand, limit: Operand = 1.0) -> Expr:
     """Reflect points beyond a face of the cube from -limit to limit in that face. Keeps distances.
 
-    z : the point, a vec3. limit : half the edge of the cube, a length > 0. Returns the new point.
+    Parameters
+    ----------
+    z : the point, a vec3.
+    limit : half the edge of the cube, a length > 0. Returns the new point.
+
+    Returns
+    -------
+    Expr
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
     """
     at, end = as_operand("box_fold: z", z, "a vec3"), as_operand("box_fold: limit", limit, "a number > 0")
     return 2.0 * clamp(at, -end, end) - at
@@ -56,7 +78,18 @@ def box_fold(z: Operand, limit: Operand = 1.0) -> Expr:
 def ball_fold(z: Operand, growth: Operand, inner: Operand = 0.5, outer: Operand = 1.0) -> tuple[Expr, Expr]:
     """Invert the points of a ball about the origin in its sphere; scale those of an inner ball.
 
-    z, growth : see `fold_fractal`. inner, outer : radii of the balls, 0 < inner <= outer. Returns the new z and growth.
+    Parameters
+    ----------
+    z, growth : see `fold_fractal`.
+    inner, outer : radii of the balls, 0 < inner <= outer. Returns the new z and growth.
+
+    Returns
+    -------
+    tuple[Expr, Expr]
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
     """
     far, near = (as_operand(f"ball_fold: {n}", r, "a radius > 0") for n, r in (("outer", outer), ("inner", inner)))
     at, grown = as_operand("ball_fold: z", z, "a vec3"), as_operand("ball_fold: growth", growth, "a number")
@@ -151,6 +184,16 @@ def fold_fractal(
     iterations : maximum number of folds, >= 1.
     bailout : the iteration ends where |z| exceeds this, > 0.
 
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
     An estimate: nothing is proven of it, so it is marched with "plain". If each fold scales all lengths by at most its
     factor of the growth, the field is a bound. If not, `Quality(step_scale=...)` helps.
     """

@@ -78,8 +78,19 @@ def displace_by_image(
     Parameters
     ----------
     source : image file (its luminance, 0 to 1), or heights of shape (rows, columns); row 0 lies at the far side, -z.
-    size : extents of the image along x and z, > 0. height : displacement for the value 1, a length >= 0.
+    size : extents of the image along x and z, > 0.
+    height : displacement for the value 1, a length >= 0.
 
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
     The slope of the data adds to the Lipschitz constant, so steep maps are marched in smaller steps.
     """
     return displace_by_samples(node, Samples(luminance(source, "displace_by_image")), size, height)
@@ -118,8 +129,20 @@ def heightmap(
     Parameters
     ----------
     source : image file (its luminance, 0 to 1), or heights of shape (rows, columns); row 0 lies at the far side, -z.
-    size : extents along x and z, > 0. height : length of the value 1, >= 0. base : depth of the block below y = 0.
+    size : extents along x and z, > 0.
+    height : length of the value 1, >= 0.
+    base : depth of the block below y = 0.
 
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
     A bound: divided by the steepest slope of the map.
     """
     return terrain(Samples(luminance(source, "heightmap")), size, height, base)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import textwrap
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -18,20 +20,89 @@ if TYPE_CHECKING:
 PACKAGE = Path(__file__).parents[1]
 
 
+def _sources(table: Mapping[str, str]) -> dict[str, str]:
+    """One entry for each of the names of a row."""
+    return {name: text for names, text in table.items() for name in names.split()}
+
+
+SOURCES = _sources(
+    {
+        "sphere box plane torus cylinder cone": "Hart 1996",
+        "capsule infinite_cylinder infinite_cone line rounded_box box_frame slab triangle quad rhombus pyramid link "
+        "hexagonal_prism triangular_prism capped_torus rounded_cylinder round_cone disc solid_angle cut_sphere "
+        "cut_hollow_sphere death_star vesica": "Quilez 2008, distance functions",
+        "circle rectangle rounded_rectangle polygon flat_triangle trapezoid regular_polygon star cross stroke polyline "
+        "ring arc pie heart flat_vesica egg moon": "Quilez 2008, 2D distance functions",
+        "ellipsoid ellipse": "Conn, Gould and Toint 2000, the step of a trust region",
+        "superquadric": "Barr 1981",
+        "bezier bezier_tube polyline_tube": "Quilez 2008, quadratic Bezier curves",
+        "helix": "Hart 1996, the bound of a solid by its Lipschitz constant",
+        "blob": "Mercury 2016",
+        "tetrahedron octahedron dodecahedron icosahedron truncated_tetrahedron truncated_cube truncated_octahedron "
+        "cuboctahedron rhombicuboctahedron truncated_dodecahedron truncated_icosahedron icosidodecahedron": "Coxeter "
+        "1973, Wythoff's construction",
+        "menger sierpinski": "Mandelbrot 1982",
+        "mandelbulb": "White and Nylander 2009",
+        "julia": "Hart, Sandin and Kauffman 1989",
+        "mandelbox": "Lowe 2010",
+        "apollonian": "Quilez 2008, fractals",
+        "gyroid": "Schoen 1970",
+        "schwarz_p schwarz_d": "Schwarz 1890",
+        "neovius": "Neovius 1883",
+        "lidinoid": "Lidin and Larsson 1990",
+    }
+)
+"""The work in the literature that a shape or its formula comes from."""
+
+
 def help_text(definition: Definition) -> str:
-    """The docstring of a definition, then its legal values and facts. Facts are those at the defaults, if all exist."""
+    """The docstring of a definition in the sections of NumPy, with legal values, facts, a source and an example."""
     facts = None
     if definition.arity == "none":
         with suppress(Exception):  # a fault of the definition is reported when a node is made, with the user's line
             facts = definition.make((), (), {}).facts
-    lines = [definition.doc, ""]
-    if definition.domains:
-        lines += ["Legal values:", *[f"    {n} : {_legal(n, definition)}" for n in definition.domains], ""]
+    summary, meant, notes = _parts(definition)
+    lines = [*summary, ""]
+    operands = {"none": [], "one": ["node : the solid."], "many": ["nodes : the solids."]}[definition.arity]
+    if definition.domains or operands:
+        lines += ["Parameters", "----------", *operands]
+        for name in definition.domains:
+            lines += [f"{name} : {_legal(name, definition)}", *_wrapped(meant.get(name, ""))]
+        lines += [""]
+    lines += ["Returns", "-------", "Node", ""]
+    if definition.domains or operands:
+        what = "a value that is not legal" if definition.check is None else "values that are not legal or do not fit"
+        lines += ["Raises", "------", f"SceneError : {what}.", ""]
+    lines += ["Notes", "-----", *([*notes, ""] if notes else [])]
     lines += ["Facts:", *[f"    {name} : {value}" for name, value in _facts(definition, facts).items()]]
-    shown = example(definition)
-    if shown:
-        lines += ["", "Example:", f"    {shown}"]
+    if definition.name in SOURCES:
+        lines += ["", "References", "----------", f"{SOURCES[definition.name]}; see docs/bibliography.md."]
+    if lines_of_example := _example(definition):
+        lines += ["", "Examples", "--------", *lines_of_example]
     return "\n".join(lines)
+
+
+def _parts(definition: Definition) -> tuple[list[str], dict[str, str], list[str]]:
+    """The first paragraph of a docstring, its sentences about each parameter, and the rest."""
+    first, *rest = definition.doc.split("\n\n")
+    names = "|".join(map(re.escape, definition.domains)) or "$^"
+    entry = re.compile(rf"(?:^|(?<=[.,)] )|(?<=\n))((?:{names})(?:, (?:{names}))*) : ")
+    meant: dict[str, str] = {}
+    notes: list[str] = []
+    for paragraph in rest:
+        found = list(entry.finditer(paragraph))
+        if not found or found[0].start():
+            notes += ["", *paragraph.splitlines()] if notes else paragraph.splitlines()
+            continue
+        ends = [match.start() for match in found[1:]] + [len(paragraph)]
+        for match, end in zip(found, ends, strict=True):
+            words = " ".join(paragraph[match.end() : end].split())
+            meant |= dict.fromkeys(match[1].split(", "), words[:1].upper() + words[1:])
+    return first.splitlines(), meant, notes
+
+
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(text, 116, initial_indent="    ", subsequent_indent="    ")
 
 
 def _legal(name: str, definition: Definition) -> str:
@@ -91,33 +162,60 @@ def _file(definition: Definition) -> str:
 
 # One line to try
 
+
 OPERANDS = {("one", 3): "rm.box(1)", ("one", 2): "rm.circle()"}
+
+
+def _example(definition: Definition) -> list[str]:
+    """The lines of the example; none for a definition that refuses its values."""
+    shown = example(definition)
+    if not shown or definition.arity != "none":
+        return [f">>> node = {shown}"] if shown else []
+    with suppress(Exception):  # as above
+        return [f">>> {shown}.exactness", repr(definition.make((), (), _values(definition) or {}).exactness)]
+    return []
 
 
 def example(definition: Definition) -> str:
     """A call that works; empty where the parameters are data or must fit each other."""
-    if definition.arity == "many":
+    values = None if definition.arity == "many" else _values(definition)
+    if values is None:
         return ""
     given = [OPERANDS[definition.arity, definition.child_dimension]] if definition.arity == "one" else []
-    for name, domain in definition.domains.items():
-        default = definition.defaults.get(name)
-        if default is None:
-            default = _some(domain)
-        if not isinstance(default, int | float | str | tuple):
-            if name in definition.defaults:
-                continue
-            return ""
-        given.append(f"{name}={default!r}")
+    given += [f"{name}={value!r}" for name, value in values.items()]
     own = Path(definition.where.file).is_relative_to(PACKAGE)
     prefix = "" if not own else "rm." if definition.arity == "none" else "rm.sdf."
     return f"{prefix}{definition.name}({', '.join(given)})"
 
 
-def _some(domain: Domain) -> Any:
-    """A legal value of ordinary size."""
+CORNERS = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0))
+"""Points of an example, in the order of the parameters."""
+
+
+def _values(definition: Definition) -> dict[str, Any] | None:
+    """Values that are plain text, defaults where there are any; None if a parameter without default is data."""
+    found: dict[str, Any] = {}
+    corners = iter(CORNERS)
+    for name, domain in definition.domains.items():
+        default = definition.defaults.get(name)
+        if default is None and domain.points:
+            default = tuple(corner[: domain.points] for corner in CORNERS[:3])
+        elif default is None:
+            default = _some(domain, next(corners, CORNERS[0]))
+        if isinstance(default, int | float | str | tuple):
+            found[name] = default
+        elif name not in definition.defaults:
+            return None
+    return found
+
+
+def _some(domain: Domain, corner: tuple[float, ...]) -> Any:
+    """A legal value of ordinary size. corner : the point for a parameter that is one."""
     if domain.type is None:
         return int(np.clip(3, domain.low, domain.high)) if domain.holds is int else None
     if domain.type.is_matrix:
         return None
     number = float(np.clip(0.25, domain.low + (0.1 if domain.open else 0.0), domain.high))
-    return number if domain.type.size == 1 else (number, *[2.0 * number] * (domain.type.size - 1))
+    if domain.type.size == 1:
+        return number
+    return (number, *[2.0 * number] * (domain.type.size - 1)) if domain.low >= 0.0 else corner[: domain.type.size]

@@ -90,14 +90,22 @@ def implicit(function: Callable[[Any], Operand], bounds: Scalar | Vector | Node,
         bounded solid.
     level : the solid is where the function is below it: a number, or an expression of a `Param` with min and max.
 
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : the function is nowhere or everywhere negative in the box, or NaN at a point of it.
+
+    Notes
+    -----
     `rm.implicit(lambda p: p.x**4 + p.y**4 + p.z**4 - 1, 1.1)` is a rounded cube.
 
     A bound: the values are divided by the steepest slope over the box, by intervals of the gradient. Blends, offsets
     and shells act on the function divided by its usual slope at the surface: nearly a distance, except near singular
     points. Where no bound of the slope is known, as of a square root at 0, twice the steepest slope of samples stands
     for it, and the solid is an estimate.
-
-    Raises SceneError if the function is nowhere or everywhere negative in the box, or NaN at a point of it.
     """
     made = _traced(function)
     cut = bounds if isinstance(bounds, Node) else None

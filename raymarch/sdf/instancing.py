@@ -260,9 +260,9 @@ def instances(node: Node, transforms: ArrayLike, materials: Any = None) -> Node:
     a Node: the hard union of all copies. It may be combined by unions, intersections, differences and rigid
     transforms. A bound, because inside overlapping solids it is not exact.
 
-    Notes
-    -----
-    Raises SceneError for arrays of another shape, for numbers that are not finite, and for matrices that stretch.
+    Raises
+    ------
+    SceneError : arrays of another shape, for numbers that are not finite, and for matrices that stretch.
     """
     if isinstance(materials, np.ndarray) or _are_colors(materials):
         materials = {"color": materials}

@@ -88,9 +88,18 @@ def complement(p: Expr, child: Child) -> Expr:
 def pipe(a: Node, b: Node, radius: Scalar = 0.1) -> Node:
     """A tube along the line where the surfaces of two solids meet. A bound.
 
-    a, b : two solids. radius : of the tube, a length > 0.
+    Parameters
+    ----------
+    a, b : two solids.
+    radius : of the tube, a length > 0.
 
-    Returns a node. SceneError for a flat shape, or a radius that is not positive.
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : a flat shape, or a radius that is not positive.
     """
     return pipe_along([a, b], radius)
 
@@ -99,9 +108,18 @@ def pipe(a: Node, b: Node, radius: Scalar = 0.1) -> Node:
 def engrave(a: Node, b: Node, depth: Scalar = 0.1) -> Node:
     """The first solid with a V-shaped line where the second's surface meets it. A bound.
 
-    a, b : two solids. depth : of the line, a length > 0.
+    Parameters
+    ----------
+    a, b : two solids.
+    depth : of the line, a length > 0.
 
-    Returns a node. SceneError for a flat shape, or a depth that is not positive.
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : a flat shape, or a depth that is not positive.
     """
     return engraved([a, b], depth)
 
@@ -110,9 +128,18 @@ def engrave(a: Node, b: Node, depth: Scalar = 0.1) -> Node:
 def groove(a: Node, b: Node, depth: Scalar = 0.1, width: Scalar = 0.1) -> Node:
     """The first solid with a channel along the second's surface. A bound.
 
-    a, b : two solids. depth, width : of the channel, lengths > 0; the width is the full one.
+    Parameters
+    ----------
+    a, b : two solids.
+    depth, width : of the channel, lengths > 0; the width is the full one.
 
-    Returns a node. SceneError for a flat shape, or a length that is not positive.
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : a flat shape, or a length that is not positive.
     """
     return grooved([a, b], depth, width)
 
@@ -121,9 +148,18 @@ def groove(a: Node, b: Node, depth: Scalar = 0.1, width: Scalar = 0.1) -> Node:
 def tongue(a: Node, b: Node, height: Scalar = 0.1, width: Scalar = 0.1) -> Node:
     """The first solid with a rib along the second's surface. A bound.
 
-    a, b : two solids. height, width : of the rib, lengths > 0; the width is the full one.
+    Parameters
+    ----------
+    a, b : two solids.
+    height, width : of the rib, lengths > 0; the width is the full one.
 
-    Returns a node. SceneError for a flat shape, or a length that is not positive.
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : a flat shape, or a length that is not positive.
     """
     return tongued([a, b], height, width)
 
@@ -133,10 +169,20 @@ def tongue(a: Node, b: Node, height: Scalar = 0.1, width: Scalar = 0.1) -> Node:
 def xor(a: Node, b: Node) -> Node:
     """Exclusive or: the points of one of two solids but not of both. A bound.
 
+    Parameters
+    ----------
     a, b : two solids, or two flat shapes.
 
-    Returns a node. SceneError for a solid beside a flat shape.
+    Returns
+    -------
+    Node
 
+    Raises
+    ------
+    SceneError : a solid beside a flat shape.
+
+    Examples
+    --------
     >>> rm.xor(rm.sphere(1), rm.sphere(0.5)).distance((0, 0, 0))
     array(0.5)
     """
@@ -147,9 +193,18 @@ def xor(a: Node, b: Node) -> Node:
 def morph(a: Node, b: Node, amount: Scalar = 0.5) -> Node:
     """A solid between two others. A bound.
 
-    a, b : two solids, or two flat shapes. amount : 0 is the first, 1 the second; a number from 0 to 1 or an expression.
+    Parameters
+    ----------
+    a, b : two solids, or two flat shapes.
+    amount : 0 is the first, 1 the second; a number from 0 to 1 or an expression.
 
-    Returns a node. SceneError for a number out of this range.
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : a number out of this range.
     """
     return between([a, b], amount)
 
@@ -196,10 +251,22 @@ def transition_between(
 def transition(a: Node, b: Node, start: Vector, end: Vector) -> Node:
     """Transition from one solid to another along a line.
 
+    Parameters
+    ----------
     a, b : bounded solids.
     start, end : distinct points. The solid is `a` up to the plane through `start`, and `b` from the plane through `end`
         on.
 
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
     A bound. The weight s of b grows by 1/|end - start| per unit of length, so a + s (b - a) changes by at most
     1 + |b - a| / |end - start|. The size of |b - a| matters only where one distance is positive and the other is not:
     elsewhere the sum has the sign of both. There |b - a| is bounded by its values on a grid, plus twice the distance to

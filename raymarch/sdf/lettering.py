@@ -248,8 +248,17 @@ def text(
     height : full height of the letters as drawn, from the lowest point to the highest, a length > 0.
     resolution : samples along that height, 8 to 512; fewer if the text would be wider than 2048 samples.
 
-    A bound: sampled and interpolated linearly. Details below a sample are rounded off. Raises SceneError for letters
-    that the font lacks.
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : letters that the font lacks.
+
+    Notes
+    -----
+    A bound: sampled and interpolated linearly. Details below a sample are rounded off.
     """
     if not isinstance(string, str):
         raise SceneError(f"text: string = {described(string)}", legal="a string")
@@ -405,6 +414,16 @@ def image(
     invert : use the transparent or dark pixels instead.
     resolution : samples along the longer side of the picture, 8 to 512, but no more than it has pixels.
 
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
     A bound: sampled and interpolated linearly. The edge is where the coverage is one half. Shapes that the border of
     the picture cuts are closed there.
     """

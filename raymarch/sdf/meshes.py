@@ -45,13 +45,22 @@ def mesh(
     progress : called with the fraction done, 0 to 1.
     cache : folder of the cache, which is keyed by content; default $RAYMARCH_CACHE, or the user's cache.
 
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : a file that cannot be read or holds no triangles, for vertices that are not finite, and for a mesh that
+        is open, non-manifold, one-sided or flat, or cuts itself so that inside and outside are not clear.
+
+    Notes
+    -----
     A mesh that is inside out, as a whole or in a part, is reversed. Triangles wound against their neighbours are
     reversed too. A SceneWarning reports both, and parts that are missing because they are thinner than the distance of
     samples. Lengths are used unchanged: files do not state their unit.
 
-    Needs the extra `mesh` (trimesh, rtree, scipy). Raises SceneError for a file that cannot be read or holds no
-    triangles, for vertices that are not finite, and for a mesh that is open, non-manifold, one-sided or flat, or cuts
-    itself so that inside and outside are not clear.
+    Needs the extra `mesh` (trimesh, rtree, scipy).
     """
     resolution = integer("mesh: resolution", resolution, 8, 256)
     extent = optional(_extent, "mesh: extent", extent)

@@ -152,6 +152,12 @@ class Node:
         -------
         shape (N,), or () for one point. SceneError for another shape, an unknown parameter or a value out of range.
 
+        Raises
+        ------
+        SceneError : arguments of another kind or outside their range.
+
+        Examples
+        --------
         >>> rm.sphere(1).translate((rm.time, 0, 0)).distance((3, 0, 0), time=1.5)
         array(0.5)
         """
@@ -172,6 +178,10 @@ class Node:
         -------
         the same shape as `points`. On edges and medial axes, where the gradient does not exist, that of one side or 0.
         SceneError as for `distance`.
+
+        Raises
+        ------
+        SceneError : arguments of another kind or outside their range.
         """
         with METHODS["values_bound"](self, time, params):
             return METHODS["evaluate_gradient"](self, self._points(points))
@@ -183,7 +193,12 @@ class Node:
         return array
 
     def glsl(self) -> str:
-        """The field alone, as GLSL text: `float field(vec3 p)` and the functions that it calls."""
+        """The field alone, as GLSL text: `float field(vec3 p)` and the functions that it calls.
+
+        Returns
+        -------
+        str
+        """
         return METHODS["print_field"](self)
 
     # Combining
@@ -224,10 +239,24 @@ class Node:
     def translate(self, offset: Vector) -> Node:
         """Move a solid, or a flat shape in its plane.
 
+        Parameters
+        ----------
         offset : (x, y, z), lengths; (x, y) for a flat shape. Numbers or expressions of `Param` and `time`.
 
-        Returns a node. Exact for an exact solid. SceneError for another number of components.
+        Returns
+        -------
+        Node
 
+        Raises
+        ------
+        SceneError : another number of components.
+
+        Notes
+        -----
+        Exact for an exact solid.
+
+        Examples
+        --------
         >>> rm.sphere(1).translate((3, 0, 0)).distance((0, 0, 0))
         array(2.)
         """
@@ -236,10 +265,24 @@ class Node:
     def round(self, radius: Scalar) -> Node:
         """Grow by a radius, with rounded edges: the sum of the solid and a ball.
 
+        Parameters
+        ----------
         radius : a length >= 0. `box(1).round(0.1)` is 1.2 wide; `rounded_box` keeps the size.
 
-        Returns a node. Exact outside for an exact solid. SceneError for a negative radius.
+        Returns
+        -------
+        Node
 
+        Raises
+        ------
+        SceneError : a negative radius.
+
+        Notes
+        -----
+        Exact outside for an exact solid.
+
+        Examples
+        --------
         >>> rm.box(1).round(0.1).bounds[1]
         array([0.6, 0.6, 0.6])
         """
@@ -248,10 +291,24 @@ class Node:
     def shell(self, thickness: Scalar) -> Node:
         """A hollow solid, with half of the wall on either side of the surface.
 
+        Parameters
+        ----------
         thickness : of the wall, a length > 0.
 
-        Returns a node. Exact for an exact solid. SceneError for a thickness that is not positive.
+        Returns
+        -------
+        Node
 
+        Raises
+        ------
+        SceneError : a thickness that is not positive.
+
+        Notes
+        -----
+        Exact for an exact solid.
+
+        Examples
+        --------
         >>> rm.sphere(1).shell(0.2).distance([(0, 0, 0), (1, 0, 0)])
         array([ 0.9, -0.1])
         """
@@ -260,10 +317,24 @@ class Node:
     def offset(self, distance: Scalar) -> Node:
         """Move the surface along its normals.
 
+        Parameters
+        ----------
         distance : a length; positive grows the solid, negative shrinks it.
 
-        Returns a node. Exact outside for an exact solid that grows. SceneError for what is no number.
+        Returns
+        -------
+        Node
 
+        Raises
+        ------
+        SceneError : what is no number.
+
+        Notes
+        -----
+        Exact outside for an exact solid that grows.
+
+        Examples
+        --------
         >>> rm.sphere(1).offset(-0.25).bounds[1]
         array([0.75, 0.75, 0.75])
         """
@@ -272,10 +343,20 @@ class Node:
     def elongate(self, extent: Vector) -> Node:
         """Elongate along the axes: the section through the origin is extruded, the ends keep their shape.
 
+        Parameters
+        ----------
         extent : (x, y, z), lengths >= 0 by which the solid grows along each axis; (x, y) for a flat shape.
 
-        Returns a node. SceneError for a negative length.
+        Returns
+        -------
+        Node
 
+        Raises
+        ------
+        SceneError : a negative length.
+
+        Examples
+        --------
         >>> rm.sphere(1).elongate((2, 0, 0)).bounds[1]
         array([2., 1., 1.])
         """
@@ -284,8 +365,13 @@ class Node:
     def complement(self) -> Node:
         """The complement: everything outside this solid.
 
-        Returns a node, whose distance is that of the solid with the other sign.
+        Returns
+        -------
+        Node
+            A node, whose distance is that of the solid with the other sign.
 
+        Examples
+        --------
         >>> rm.sphere(1).complement().distance((0, 0, 0))
         array(1.)
         """
@@ -294,20 +380,44 @@ class Node:
     def transition(self, other: Node, start: Vector, end: Vector) -> Node:
         """A transition from this solid to another one along a line.
 
-        other : a bounded solid. start, end : distinct points, (x, y, z): this solid ends at the plane through `start`,
-        the other begins at that through `end`.
+        Parameters
+        ----------
+        other : a bounded solid.
+        start, end : distinct points, (x, y, z): this solid ends at the plane through `start`, the other begins at that
+            through `end`.
 
-        Returns a node, a bound. SceneError for unbounded solids, or equal points.
+        Returns
+        -------
+        Node
+            A node, a bound.
+
+        Raises
+        ------
+        SceneError : unbounded solids, or equal points.
         """
         return self._call("transition", other, start, end)
 
     def extrude(self, height: Scalar = 1.0) -> Node:
         """Extrude a flat shape along z, centred.
 
+        Parameters
+        ----------
         height : full extent along z, a length > 0.
 
-        Returns a node. Exact for an exact shape. SceneError for a solid, or a height that is not positive.
+        Returns
+        -------
+        Node
 
+        Raises
+        ------
+        SceneError : a solid, or a height that is not positive.
+
+        Notes
+        -----
+        Exact for an exact shape.
+
+        Examples
+        --------
         >>> rm.circle(1).extrude(3).bounds[1]
         array([1. , 1. , 1.5])
         """
@@ -316,10 +426,24 @@ class Node:
     def revolve(self, offset: Scalar = 0.0) -> Node:
         """Revolve a flat shape about the y axis, after moving it along +x.
 
+        Parameters
+        ----------
         offset : the motion along +x, a length >= 0.
 
-        Returns a node. Exact for an exact shape. SceneError for a solid.
+        Returns
+        -------
+        Node
 
+        Raises
+        ------
+        SceneError : a solid.
+
+        Notes
+        -----
+        Exact for an exact shape.
+
+        Examples
+        --------
         >>> rm.circle(0.25).revolve(1).distance((1, 0, 0))
         array(-0.25)
         """
@@ -328,10 +452,21 @@ class Node:
     def slice(self, z: Scalar = 0.0) -> Node:
         """The section of a solid in a plane of constant z, a flat shape.
 
+        Parameters
+        ----------
         z : of the plane, a length.
 
-        Returns a flat node, a bound. SceneError for a flat shape.
+        Returns
+        -------
+        Node
+            A flat node, a bound.
 
+        Raises
+        ------
+        SceneError : a flat shape.
+
+        Examples
+        --------
         >>> rm.sphere(1).slice().distance((0, 0))
         array(-1.)
         """
@@ -340,11 +475,22 @@ class Node:
     def visible(self, camera: bool = True, shadow: bool = True, reflection: bool = True) -> Node:
         """Hide this solid from kinds of rays.
 
+        Parameters
+        ----------
         camera, shadow : False hides it from camera rays, or from shadow rays.
         reflection : False hides it from rays that start at surfaces: reflected, refracted and random ones.
 
-        Returns a node with the same field. SceneError for what is no bool.
+        Returns
+        -------
+        Node
+            A node with the same field.
 
+        Raises
+        ------
+        SceneError : what is no bool.
+
+        Examples
+        --------
         >>> rm.sphere(1).visible(shadow=False).name
         'visible'
         """

@@ -85,10 +85,22 @@ def noisy(
 def displace_by_noise(node: Node, amplitude: Scalar = 0.1, frequency: Scalar = 3.0, octaves: int = 2) -> Node:
     """Displace along the normals by fractal noise. The noise is the same on every machine.
 
+    Parameters
+    ----------
     amplitude : largest displacement of the surface, a length >= 0.
     frequency : bumps per unit of length, > 0.
     octaves : number of layers, 1 to 16. Each has half the height and twice the frequency of the previous one.
 
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
     A bound: near the surface divided by 1 + pi amplitude frequency (times octaves / (2 - 2^(1 - octaves)) for more than
     one layer), farther away not divided.
     """
@@ -132,6 +144,16 @@ def displace_by(
     lipschitz : Lipschitz constant of the function, >= 0. None derives it from the gradient of the function. A number is
         not checked; one that is too small makes holes.
 
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
     A bound: near the surface divided by 1 + lipschitz, farther away not divided. Derived values hold over all space if
     possible (sines). Else they hold over the solid's box grown by the displacement, which needs a bounded solid. A
     function with steps (floor, mod, where) needs `lipschitz` as a number; `rm.value_noise` and `rm.noise` do not.

@@ -144,9 +144,19 @@ def _check_angle(what: str, angle: Any) -> None:
 def rotate(node: Node, angle: Scalar, axis: Vector | str | None = None) -> Node:
     """Rotate about an axis through the origin, counter-clockwise as seen from the tip of the axis.
 
+    Parameters
+    ----------
     angle : angle in radians.
     axis : "x", "y", "z" or a direction of any length but 0; None is "y". A flat shape rotates in its plane,
         counter-clockwise, and takes no axis.
+
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
     """
     _check_angle("rotate", angle)
     if isinstance(node, Node) and node.dimension == 2:
@@ -188,8 +198,18 @@ def oriented(p: Expr, child: Child, axis: Direction = (0.0, 1.0, 0.0), direction
 def orient(node: Node, direction: Vector = (1.0, 1.0, 1.0), axis: Vector | str = "y") -> Node:
     """Rotate by the smallest angle that makes an axis of the solid point along a direction.
 
+    Parameters
+    ----------
     direction : vec3 of any length but 0.
     axis : axis of the solid: "x", "y", "z" or a direction.
+
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
     """
     return oriented(solid("orient", node), axis_vector("orient", axis), direction)
 
@@ -230,7 +250,17 @@ def scale_axes(p: Expr, child: Child, factors: Size3) -> Expr:
 def scale(node: Node, factor: Scalar | Vector) -> Node:
     """Scale about the origin.
 
+    Parameters
+    ----------
     factor : one number > 0, which keeps exactness, or one for each axis, which gives a bound. A box stays a box.
+
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
     """
     value = as_operand("scale: factor", factor, "a number > 0, or one for each axis")
     if value.type is FLOAT:
@@ -267,10 +297,20 @@ def _is_rigid(linear: Expr, tolerance: float = 8 * np.finfo(np.float64).eps) -> 
 def transform(node: Node, matrix: ArrayLike) -> Node:
     """Apply an affine matrix.
 
+    Parameters
+    ----------
     matrix : shape (4, 4), for row vectors as pyrr makes them: (x, y, z, 1) @ matrix, so the last row holds the
         offset and the last column is (0, 0, 0, 1). It may rotate, scale, shear and reflect, but not flatten:
         its smallest singular value scales distances. A rotation with one factor keeps exactness. For a flat shape
         the same in the plane: shape (3, 3), (x, y, 1) @ matrix.
+
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
     """
     n = node.dimension if isinstance(node, Node) else 3
     corner = [0.0] * n + [1.0]
@@ -344,7 +384,17 @@ def mirror_across(p: Expr, child: Child, normal: Direction) -> Expr:
 def mirror(node: Node, axis: Vector | str) -> Node:
     """The half on the side that the axis points to, and its reflection in the plane through the origin.
 
+    Parameters
+    ----------
     axis : "x", "y", "z" or a normal of any length but 0; in the plane "x", "y" or a vec2.
+
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
     """
     return mirror_across(node, axis_vector("mirror", axis, node.dimension if isinstance(node, Node) else 3))
 
@@ -368,10 +418,21 @@ def labelled(p: Expr, child: Child) -> Expr:
 def material(node: Node, material: Any) -> Node:
     """Assign a material. Parts that have their own material keep it.
 
+    Parameters
+    ----------
     material : a `Material`.
 
-    Returns a node with the same field. SceneError for what is no Material.
+    Returns
+    -------
+    Node
+        A node with the same field.
 
+    Raises
+    ------
+    SceneError : what is no Material.
+
+    Examples
+    --------
     >>> rm.sphere(1).material(rm.Material(color="gold")).distance((2, 0, 0))
     array(1.)
     """

@@ -116,6 +116,16 @@ def extrude_to(node: Node, other: Node, height: Scalar = 1.0, easing: str = "smo
         convex polygons of numbers (`rectangle`, `polygon`, `regular_polygon`, `flat_triangle`) give the frustum between
         them: their convex hull, which has plane sides.
 
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : a solid, a shape without bounds, an unknown easing, or a height that is not above 0.
+
+    Notes
+    -----
     A bound: between the ends the two distances are mixed and divided by the slope of the mix. Along z it is at most
     their largest difference times the easing's slope over the height. That difference is found on a grid, whose
     spacing is added.

@@ -93,6 +93,16 @@ def glsl_node(
     twin : the same function in NumPy, from points (N, 3) to values (N,). Without it the solid is drawn, but
         `distance`, `gradient` and the reference tracer raise SceneError, and the camera is assumed to be outside.
 
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
     The gradient is a central difference of the function: six calls, with a step of 0.0049 of the solid's size (or of
     the coordinates, if they are larger). Its error is about 2e-5 in float32 where the field is smooth.
     """

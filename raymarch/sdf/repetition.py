@@ -205,6 +205,16 @@ def repeat(node: Node, spacing: Vector | Scalar, count: int | Sequence[int | Non
         repetition along that axis.
     count : number of copies, centred on the origin: one number, or one for each axis. None means infinitely many.
 
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
     The child must fit its cell: its box must not be larger than the spacing, wherever it is. Exact for an exact child.
     Evaluates 1 copy along an axis where the child is symmetric, else 2.
     """

@@ -117,6 +117,16 @@ def grid(values: ArrayLike, size: Vector | Scalar = (2.0, 2.0, 2.0), center: Vec
     size : full extents of the box, > 0.
     center : centre of the box.
 
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
     Interpolated linearly. A bound: the values are divided by their steepest slope. Values away from the surface that
     are steeper than twice the steepest slope there, such as 1e10 for unknown ones, are reduced. Outside the box the
     field combines the distance to the box and the sample at the nearest point of the box.
@@ -147,6 +157,16 @@ def isosurface(
     size : full extents of the box, numbers > 0.
     center : centre of the box.
 
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
     A bound. The values are mapped by an increasing function, so that each level has the slope 1 where it is steepest;
     then they are interpolated linearly. So a density that decays far away is marched as fast there as near its peak.
     """

@@ -73,9 +73,21 @@ def raycast(
     far : largest distance, > 0. inf is beyond the solid's box, or beyond the horizon of an unbounded solid.
     time, params : of the frame, see `render`.
 
-    Returns Hits. No surface of a certified field is passed, however thin. SceneError for arrays of another shape, a
-    direction of length 0, or values that are not finite.
+    Returns
+    -------
+    Hits
+        Hits.
 
+    Raises
+    ------
+    SceneError : arrays of another shape, a direction of length 0, or values that are not finite.
+
+    Notes
+    -----
+    No surface of a certified field is passed, however thin.
+
+    Examples
+    --------
     >>> rm.raycast(rm.sphere(1), [(0, 0, 5), (0, 3, 5)], (0, 0, -1)).distance
     array([ 4., inf])
     """

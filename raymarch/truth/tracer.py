@@ -129,6 +129,19 @@ def truth(
     outputs : arrays to compute at once, of "depth", "normal", "material", "color". The others are computed on first
         access.
 
+        sum over lights of c (ambient C + visible (C max(n.l, 0) + specular max(r.v, 0)^shininess [n.l > 0]))
+
+    Returns
+    -------
+    Truth
+
+    Raises
+    ------
+    SceneError : an unknown parameter or output, a value out of range, a size below 1, and a field that is NaN somewhere
+        on a ray.
+
+    Notes
+    -----
     Rays are marched by steps that are safe for a 1-Lipschitz field (`raymarch.truth.march`), so no surface is stepped
     over, however thin. Each hit is then refined to a few units in the last place. A field whose exactness is "estimate"
     gives no guarantee: it is marched by steps of half its value, and the picture may have holes.
@@ -137,16 +150,11 @@ def truth(
     viewer's side, l the unit vector to a light and v the unit vector to the viewer. A Phong surface of colour C has the
     colour
 
-        sum over lights of c (ambient C + visible (C max(n.l, 0) + specular max(r.v, 0)^shininess [n.l > 0]))
-
     where r = 2 (n.l) n - l, and c is the light's colour times intensity, over d^2 for a point light (Phong 1975).
     `visible` is 0 or 1 for a light with a shadow, else 1. A point light that touches the surface adds nothing to it.
 
     With `Camera(aperture=...)` or `shutter=...`, the colour is the mean over `Quality(samples=...)` points of the lens
     and times, at least 16. All other arrays are those of rays from the centre of the lens at the frame's time.
-
-    Raises SceneError for an unknown parameter or output, a value out of range, a size below 1, and a
-    field that is NaN somewhere on a ray.
     """
     scene = as_scene("truth", scene)
     width, height = _checked_size(size)

@@ -132,7 +132,7 @@ def test_a_generated_page_is_that_of_the_code(name, script, function):
 
 def test_the_page_of_parts_lists_every_parameter():
     text = (ROOT / "docs" / "parts.md").read_text(encoding="utf-8")
-    for part in (rm.Camera, rm.Quality, rm.Scene, rm.SpotLight, rm.Material, rm.Texture, rm.SunSky):
+    for part in (rm.Camera, rm.Quality, rm.Scene, rm.SpotLight, rm.Material, rm.planar, rm.SunSky):
         section = text.partition(f"### {part.__name__}\n")[2].partition("\n### ")[0]
         listed = re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE)
         assert listed == list(inspect.signature(part).parameters), part

@@ -131,7 +131,7 @@ def test_every_function_has_a_help_text() -> None:
         function = getattr(rm, name)
         if callable(function):
             assert function.__doc__ and function.__doc__.strip(), name
-    assert "Euclidean norm" in str(rm.length.__doc__) and "function sin of GLSL" in str(rm.sin.__doc__)
+    assert "Euclidean norm" in str(rm.length.__doc__) and "Sine of an angle in radians" in str(rm.sin.__doc__)
 
 
 # Names of other tools
