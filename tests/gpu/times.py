@@ -34,8 +34,11 @@ DRAWS = 7
 CHOSEN = ("village", "columns", "papers/glass", "papers/lights", "papers/array", "showcase/plates", "large/city", "csg")
 
 
+ONLY: list[str] = []
+
+
 def names() -> list[str]:
-    return sorted(str(file.relative_to(EXAMPLES).with_suffix("")) for file in EXAMPLES.rglob("*.py"))
+    return ONLY or sorted(str(file.relative_to(EXAMPLES).with_suffix("")) for file in EXAMPLES.rglob("*.py"))
 
 
 def timed(gl: moderngl.Context, draw: Callable[[], object], draws: int = DRAWS) -> float:
@@ -91,14 +94,11 @@ def choices(size: tuple[int, int]) -> Iterator[dict[str, Any]]:
         "default": {},
         "single": {"schedule": "single"},
         "cone": {"schedule": "cone"},
-        "cones": {"schedule": "cones"},
         "no closed forms": {"analytic": False},
         "boxes": {"bounding_volumes": True},
         "no boxes": {"bounding_volumes": False},
-        "text": {"objects": "text"},
         "data": {"objects": "data"},
         "advance": {"tracer": "advance"},
-        "bracketing": {"tracer": "bracketing"},
     }
     for name in CHOSEN:
         scene = load(EXAMPLES / f"{name}.py")
@@ -180,10 +180,12 @@ SECTIONS: dict[str, Callable[[tuple[int, int]], Iterator[dict[str, Any]]]] = {
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sections", nargs="*", default=list(SECTIONS))
+    parser.add_argument("--only", nargs="*", default=[], help="examples")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--size", default="1920x1080")
     parser.add_argument("--seconds", type=float, default=240)
     given = parser.parse_args(arguments)
+    ONLY.extend(given.only)
     width, height = map(int, given.size.split("x"))
     end = time.monotonic() + given.seconds
     found: dict[str, list[dict[str, Any]]] = {}
