@@ -92,13 +92,30 @@ def _seen(node: Node, *lights: Light, **given: object) -> Scene:
     return Scene(node, camera, list(lights) or [Sun((0.5, 1.0, 0.7))], **given)  # type: ignore[arg-type]
 
 
+_FLAT = ((-0.8, -0.4), (0.7, -0.5), (0.1, 0.6))
+_DEEP = ((-0.8, -0.4, 0.1), (0.7, -0.5, -0.2), (0.8, 0.6, 0.2), (-0.6, 0.5, 0.0))
+_GIVEN: dict[str, tuple[object, ...]] = {
+    "line": _DEEP[:2],
+    "triangle": _DEEP[:3],
+    "quad": ((-0.8, -0.5, 0), (0.8, -0.5, 0), (0.7, 0.6, 0), (-0.6, 0.5, 0)),
+    "bezier_tube": _DEEP[:3],
+    "polyline_tube": (_DEEP,),
+    "flat_triangle": _FLAT,
+    "bezier": _FLAT,
+    "stroke": _FLAT[:2],
+    "polygon": (_FLAT,),
+    "polyline": (_FLAT,),
+}
+"""Arguments of shapes that have no default for them."""
+
+
 def _shapes() -> Iterator[Case]:
     for name in REGISTRY:
-        made: Callable[[], Node] | None = getattr(sdf, name, None)
+        made: Callable[..., Node] | None = getattr(sdf, name, None)
         try:
-            node = made() if made is not None else None
+            node = made(*_GIVEN.get(name, ())) if made is not None else None
         except (RaymarchError, TypeError, ValueError):
-            continue  # it has parameters without a default
+            continue  # an operator, which needs operands
         if node is not None and node.dimension == 2:
             node = node.extrude(0.3)
         if node is not None:

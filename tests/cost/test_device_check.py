@@ -46,7 +46,7 @@ def test_this_driver_is_right(renderer: Renderer, name: str) -> None:
 @pytest.mark.parametrize(
     ("fault", "caught"),
     [
-        (lambda text: text.replace("sin(", "sin(1.003 * "), "operators, implicit waves"),
+        (lambda text: text.replace("sin(", "sin(1.02 * "), "operators, implicit waves"),
         (lambda text: text.replace("length(", "1.003 * length("), "shapes, torus"),
         (lambda text: text.replace("u_far;", "u_far_; float u_far = 2.0;"), "numbers, 10000 from the origin"),
         (lambda text: text + "\n}", "shapes, gyroid"),
