@@ -182,18 +182,16 @@ def _trial(context: Context) -> tuple[float, float]:
         shader.run(-(-_TRIAL_SIZE[0] // GROUP[0]), -(-_TRIAL_SIZE[1] // GROUP[1]), 1)
         gl.memory_barrier()
 
-    def least(draw: Callable[[], None]) -> float:
-        found = []
-        for _ in range(5):
-            gl.finish()
-            begin = perf_counter()
-            draw()
-            gl.finish()
-            found.append(1e3 * (perf_counter() - begin))
-        return min(found)
+    def took(draw: Callable[[], None]) -> float:
+        gl.finish()
+        begin = perf_counter()
+        draw()
+        gl.finish()
+        return 1e3 * (perf_counter() - begin)
 
     try:
-        return least(by_fragments), least(by_compute)
+        times = [(took(by_fragments), took(by_compute)) for _ in range(5)]  # in turn: clocks of a GPU rise with work
+        return min(first for first, _ in times), min(second for _, second in times)
     finally:
         for made in (triangle, program, shader, target):
             made.release()
