@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from raymarch.cli.common import CommandError, SceneFile, Settings, errors, parse_settings
+from raymarch.cli.presets import Preset, with_preset
 from raymarch.cli.progress import bar
 from raymarch.export.forms import CELLS, GLSL, SUFFIXES, TEXTURES, export
 from raymarch.scene.file import load
@@ -21,6 +22,7 @@ def run(
     ],
     time: Annotated[float, typer.Option(help="Value of `time` in seconds.")] = 0.0,
     set_: Settings = None,
+    quality: Preset = None,
     shadertoy: Annotated[bool, typer.Option("--shadertoy", help=".glsl: write a shader for Shadertoy.")] = False,
     cells: Annotated[
         int | None,
@@ -38,7 +40,7 @@ def run(
     ] = None,
 ) -> None:
     start, began = clock_time.perf_counter(), clock_time.time()
-    found, params, corners = load(scene), parse_settings(set_ or []), parse_box(box)
+    found, params, corners = with_preset(load(scene), quality), parse_settings(set_ or []), parse_box(box)
     with bar("exporting", 1.0) as progress:
         made = export(
             found,

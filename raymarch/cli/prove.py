@@ -8,7 +8,16 @@ from typing import Annotated, Literal
 
 import typer
 
-from raymarch.cli.common import CommandError, OptionalTime, Output, SceneFile, Settings, parse_settings, parse_size
+from raymarch.cli.common import (
+    CommandError,
+    OptionalTime,
+    Output,
+    SceneFile,
+    Settings,
+    parse_settings,
+    parse_size,
+)
+from raymarch.cli.presets import Preset, with_preset
 from raymarch.cli.progress import bar
 from raymarch.files import write
 from raymarch.proof import prove
@@ -26,6 +35,7 @@ def run(
     ] = "0.05px",
     time: OptionalTime = None,
     set_: Settings = None,
+    quality: Preset = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE.png", help="Write the verdict of each pixel.")
     ] = None,
@@ -41,8 +51,15 @@ def run(
     params, shape = parse_settings(set_ or []), parse_size(size)
     pixels: Literal["center", "whole"] = "whole" if whole else "center"
     with bar("proof", 1.0) as progress:
+        made = with_preset(load(scene), quality)
         found = prove(
-            load(scene), size=shape, tolerance=tolerance, time=time, params=params, pixels=pixels, progress=progress
+            made,
+            size=shape,
+            tolerance=tolerance,
+            time=time,
+            params=params,
+            pixels=pixels,
+            progress=progress,
         )
     if output is not None:
         write(output, lambda partial: found.image().save(partial, "PNG"))

@@ -24,6 +24,7 @@ from raymarch.cli.common import (
     parse_size,
     parse_sweeps,
 )
+from raymarch.cli.presets import Preset
 from raymarch.cli.progress import bar, watched
 from raymarch.cli.views import CHOICES, check_view, shown
 from raymarch.cluster.source import of_file
@@ -83,9 +84,7 @@ def run(
             "--slice", metavar="y=0", help="Plane of --view slice.", show_default="axis plane facing the camera"
         ),
     ] = None,
-    quality: Annotated[
-        str | None, typer.Option(metavar="NAME", help=f"Quality preset for marching: {', '.join(PRESETS)}.")
-    ] = None,
+    quality: Preset = None,
     error: Annotated[
         str | None, typer.Option(metavar="0.5px|flip:X", help="Use the fastest quality with at most this error.")
     ] = None,
