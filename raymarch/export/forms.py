@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from raymarch.errors import SceneError
+from raymarch.errors import RaymarchError, SceneError
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import file_path, integer, numbers, real, short, switch
 from raymarch.files import import_optional, written
@@ -114,12 +114,23 @@ def export(
             mesh_files.WRITERS[suffix](unfinished, made)
         return made
     form = SHADERTOY if shadertoy else TEXTS[suffix]
-    text = import_module(f"raymarch.export.text.{form}").text_of(scene, values)
+    module = import_module(f"raymarch.export.text.{form}")
+    text = module.text_of(scene, values, **({"still": _still(scene, values)} if form == "html" else {}))
     with written(file) as unfinished:
         unfinished.write_text(text.text, encoding="utf-8")
         if text.arrays:
             _write_textures(file, text.arrays)
     return None
+
+
+def _still(scene: Scene, values: Values) -> bytes:
+    """A small picture for a page, for browsers that cannot draw; none without a device or for a scene that fails."""
+    from raymarch.export.live import SMALL, jpeg
+    from raymarch.gpu.renderer import render
+
+    with suppress(RaymarchError):
+        return jpeg(render(scene, SMALL, values.time, values.params))
+    return b""
 
 
 def _write_textures(file: Path, arrays: Mapping[str, Any]) -> None:

@@ -4,13 +4,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from html import escape
+from io import BytesIO
 from typing import Any
+
+from PIL.Image import Image
 
 from raymarch.errors import PlanError, UnknownNameError
 from raymarch.gpu import frame
 from raymarch.gpu.renderer import render
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene, in_notebook
+
+SMALL = (240, 135)
+"""Largest width and height of the picture in a page."""
+
+
+def jpeg(picture: Image) -> bytes:
+    """A small copy of a picture as a JPEG file."""
+    small, file = picture.convert("RGB"), BytesIO()
+    small.thumbnail(SMALL)
+    small.save(file, "JPEG", quality=60)
+    return file.getvalue()
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +41,7 @@ class Live:
         image = render(self.scene, self.size, self.values.time, self.values.params)
         found: dict[str, Any] = {"image/png": frame.png(image), "text/plain": repr(self)}
         try:
-            page = escape(text_of(self.scene, self.values).text, quote=True)
+            page = escape(text_of(self.scene, self.values, jpeg(image)).text, quote=True)
         except PlanError:
             return found
         width, height = self.size

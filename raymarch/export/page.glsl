@@ -4,7 +4,7 @@ precision highp int;
 precision highp sampler2D;
 uniform sampler2D u_picture;
 uniform vec2 u_size;  // of the surface that is drawn, in pixels
-uniform int u_view;  // 0 the picture, 1 depth, 2 evaluations, 3 normals
+uniform int u_view;  // 0 the picture, 1 depth, 2 evaluations, 3 normals, 4 shapes
 uniform float u_scale;  // the least depth, or the most evaluations
 out vec4 out_color;
 
@@ -38,7 +38,10 @@ void main() {
         vec3 scale = vec3(u_scale);
         if (u_view == 1) color = depth_color(value.x, value.x < 0.0 ? 0.0 : 1.0, scale, scale);
         else if (u_view == 2) color = evaluations_color(value.w, 1.0, scale, scale);
-        else color = normal_color(value.xyz, 1.0, scale, scale);
+        else if (u_view == 4) {  // grey, in a light from above
+            float lit = max(0.0, dot(value.xyz, normalize(vec3(0.4, 0.8, 0.45))));
+            color = dot(value.xyz, value.xyz) < 0.25 ? vec3(0.42, 0.55, 0.71) : vec3(0.25 + 0.6 * sqrt(lit));
+        } else color = normal_color(value.xyz, 1.0, scale, scale);
     }
     out_color = vec4(color, 1.0);
 }

@@ -170,3 +170,67 @@ class TestInABrowser:
             *(0, 0, 0, 0),
             1,
         ]
+
+    def test_counts_have_a_bar_that_ends_at_their_99th_percentile(
+        self, browser: chromium.Browser, tmp_path: Path
+    ) -> None:
+        """A few rays along a silhouette take many more evaluations than the others, and would darken all of them."""
+        scene = rm.Scene(rm.sphere(1).twist(0.3) | rm.plane(offset=-1), quality=rm.Quality(analytic=False))
+        browser.open(page(scene, tmp_path)[0])
+        frame = rm.Renderer((160, 120)).render(scene, outputs=("evaluations",))
+        counts = np.sort(frame.evaluations.ravel())
+        assert counts[-1] > 1.5 * counts[int(0.99 * counts.size)]
+        browser.picture(160, 120, view=2)
+        most = int(browser.run("document.getElementById('most').textContent").split()[0])
+        assert most == pytest.approx(counts[int(0.99 * counts.size)], rel=0.1)
+        browser.run("document.getElementById('view').value = 2, document.getElementById('view').onchange()")
+        browser.run("new Promise((done) => setTimeout(done, 600))")
+        assert browser.run("document.getElementById('legend').hidden") is False
+        bar = browser.run("[...document.getElementById('bar').getContext('2d').getImageData(0, 0, 160, 1).data]")
+        assert len({tuple(bar[i : i + 3]) for i in range(0, 640, 4)}) > 50
+
+    def test_a_narrow_page_shows_as_much_from_side_to_side(self, browser: chromium.Browser, tmp_path: Path) -> None:
+        balls = [rm.sphere(0.8).translate((x, 0, 0)).material(rm.Material(emission=(9, 0, 0))) for x in (-1.6, 1.6)]
+        browser.open(page(rm.Scene(balls[0] | balls[1], rm.Camera((0, 0, 7), (0, 0, 0))), tmp_path)[0])
+        for size in ((96, 64), (45, 96)):
+            red = (browser.picture(*size)[..., 0] > 200).any(axis=0)
+            assert red.any() and not red[0] and not red[-1], size
+
+    def test_without_webgl_there_is_a_picture_and_the_source(self, tmp_path: Path) -> None:
+        with chromium.Browser(400, 300) as browser:
+            none = "HTMLCanvasElement.prototype.getContext = () => null"
+            browser.call("Page.addScriptToEvaluateOnNewDocument", source=none)
+            browser.call("Page.navigate", url=page(CASES["columns"], tmp_path)[0].resolve().as_uri())
+            ready = "document.readyState === 'complete' && document.getElementById('fault').textContent"
+            code = f"new Promise((done) => {{ const wait = () => {ready} ? done() : setTimeout(wait, 20); wait(); }})"
+            browser.run(code)
+            still = browser.run(
+                "[document.getElementById('still').naturalWidth, document.getElementById('still').hidden]"
+            )
+            assert still[0] > 200 and still[1] is False
+            assert "rm.Scene" in browser.run("document.getElementById('source').textContent")
+            assert browser.run("document.getElementById('source').hidden") is False
+
+    def test_shapes_are_shown_while_a_long_shader_is_compiled(
+        self, browser: chromium.Browser, renderer: Renderer, tmp_path: Path
+    ) -> None:
+        file, _ = page(CASES["sky"], tmp_path)
+        file.write_text(file.read_text().replace('"previewed":false', '"previewed":true'))
+        seen = "window.seen = []; setInterval(() => { const s = document.getElementById('status')?.textContent; "
+        browser.call("Page.addScriptToEvaluateOnNewDocument", source=seen + "if (s) seen.push(s); }, 1)")
+        browser.open(file)
+        wait = "const wait = () => raymarch.progress() > 1 ? done() : setTimeout(wait, 20);"
+        browser.run(f"new Promise((done) => {{ {wait} wait(); }})")
+        texts = browser.run("seen")
+        assert "compiling, a preview meanwhile" in texts and "sample" in texts[-1]
+        compare(browser.picture(64, 48).astype(int), picture(renderer, CASES["sky"]))
+        assert not browser.messages
+
+    @pytest.mark.parametrize("base", [20, 60, 90])
+    def test_a_picture_is_not_shrunk_where_that_hardly_helps(self, base: float, browser: chromium.Browser) -> None:
+        """A turning torus in a software renderer takes 60 ms whatever the size, and 400 ms for the whole picture."""
+        code = """(() => { const pace = new raymarch.Pace(), all = 1280 * 720; let share, spent;
+            for (let i = 0; i < 25; i++) { share = pace.next(all); spent = BASE + 400 * share ** 2;
+                pace.drawn(spent, all * share ** 2); } return [share, spent]; })()"""
+        share, spent = browser.run(code.replace("BASE", str(base)))
+        assert share > 0.2 and 1.5 * base < spent < 2.3 * base

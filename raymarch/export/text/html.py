@@ -30,8 +30,11 @@ from raymarch.scene.scene import Scene
 from raymarch.shader import Shader, assemble
 
 
-def text_of(scene: Scene, values: Values) -> Text:
-    """The page. Raises PlanError for many lights or a sky light that change."""
+def text_of(scene: Scene, values: Values, still: bytes = b"") -> Text:
+    """The page. Raises PlanError for many lights or a sky light that change.
+
+    still : a picture of the scene as JPEG, for browsers without WebGL 2.
+    """
     made = plan(alone(scene), ("samples", "geometry"), standalone=True)
     shader = assemble(made)
     lines = {name: f"{kind.partition('[')[0]} {name};" for name, kind in shader.uniforms.items() if is_own(name)}
@@ -39,8 +42,10 @@ def text_of(scene: Scene, values: Values) -> Text:
     lines |= sky_light(made)
     pose = scene.pose(values)
     views, maps = _views()
+    text = _short(shader.text("samples", "300 es", lines))
     data = {
-        "shader": _text(_short(shader.text("samples", "300 es", lines))),
+        "shader": _text(text),
+        "previewed": len(text) > PREVIEWED,
         "display": _file("page.glsl").replace("TONED", f"{srgb_glsl()}\n{scene.tone.glsl()}").replace("VIEWS", views),
         "params": _params(made, shader, values),
         "time": values.time if TIME in shader.uniforms else None,
@@ -52,10 +57,11 @@ def text_of(scene: Scene, values: Values) -> Text:
     }
     file = Path(scene.where.file) if scene.where else None
     name = file.stem if file and file.exists() else "raymarch"  # a notebook's cell is no file
-    text = json.dumps(data, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    content = json.dumps(data, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
     page, _, end = _file("page.html").partition("DATA")
-    data_text = text.replace("<", "\\u003c")  # no markup can end the script early
-    return Text(page.replace("TITLE", escape(name)) + data_text + end)
+    data_text = content.replace("<", "\\u003c")  # no markup can end the script early
+    picture = f"data:image/jpeg;base64,{base64.b64encode(still).decode()}" if still else "#"
+    return Text(page.replace("TITLE", escape(name)).replace("STILL", picture, 1) + data_text + end)
 
 
 def _file(name: str) -> str:
@@ -68,8 +74,11 @@ def _short(text: str) -> str:
     return "\n".join(line for line in lines if line and not line.startswith("//")) + "\n"
 
 
-LONG = 24_000
+LONG = 8_000
 """Length of a text in bytes above which a page holds it compressed."""
+
+PREVIEWED = 24_000
+"""Length of a shader in bytes above which a page shows shapes while it is compiled."""
 
 
 def _text(text: str) -> str | dict[str, str]:
