@@ -98,6 +98,24 @@ class RaymarchError(Exception):
         cure = f" ({self.legal})" if self.legal else ""
         return printable(f"{place}{self.what}{cure}")
 
+    def _render_traceback_(self) -> list[str]:
+        """What IPython shows in place of a traceback: one line that names the cell, or the file, and its line."""
+        cell = None if self.where is None else _cell(self.where.file)
+        text = str(self)
+        if self.where is not None and cell is not None:
+            text = text.replace(f"{self.where}: ", f"{cell}, line {self.where.line}: ", 1)
+        return [f"{type(self).__name__}: {text}"]
+
+
+def _cell(file: str) -> str | None:
+    """The name of the cell of a notebook whose code is in a file, such as "Cell In[3]"; None for other files."""
+    shell: Any = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
+    try:
+        named = shell.compile.format_code_name(file)
+        return " ".join(named) if named else None
+    except (AttributeError, KeyError, TypeError):
+        return None
+
 
 class SceneError(RaymarchError, ValueError):
     """An invalid scene: a value out of range, a wrong type, a scene file without a scene."""

@@ -38,7 +38,7 @@ class Live:
     def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, Any]:
         from raymarch.export.text.html import text_of  # for the time of a start
 
-        image = render(self.scene, self.size, self.values.time, self.values.params)
+        image = self.picture()
         found: dict[str, Any] = {"image/png": frame.png(image), "text/plain": repr(self)}
         try:
             page = escape(text_of(self.scene, self.values, jpeg(image)).text, quote=True)
@@ -48,6 +48,10 @@ class Live:
         style = f"width: 100%; max-width: {width}px; height: {height}px; border: 0"
         found["text/html"] = f'<iframe srcdoc="{page}" style="{style}" allow="fullscreen"></iframe>'
         return found
+
+    def picture(self) -> Image:
+        """The picture of the scene, of its size."""
+        return render(self.scene, self.size, self.values.time, self.values.params)
 
     def __getattr__(self, name: str) -> Any:
         if name in ("params", "time", "playing", "view", "orbit", "pan", "observe", "render"):

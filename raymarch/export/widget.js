@@ -17,6 +17,10 @@ export default {
     };
     const receive = (event) => {
       if (event.source !== frame.contentWindow || !event.data?.raymarch) return;
+      if (event.data.raymarch === "panel") {  // it is below the picture, which keeps its size
+        frame.style.height = `${height + event.data.height}px`;
+        return;
+      }
       if (event.data.raymarch === "ready") {
         ready = true;
         send(NAMES);
@@ -32,6 +36,7 @@ export default {
     window.addEventListener("message", receive);
     for (const [event, act] of follow) model.on(event, act);
     el.append(frame);
+    for (const still of document.getElementsByClassName(model.get("still"))) still.style.display = "none";
     return () => {
       window.removeEventListener("message", receive);
       for (const [event, act] of follow) model.off(event, act);

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import base64
+import sys
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
 from typing import Any
+from uuid import uuid4
 
 from raymarch.errors import SceneError
 from raymarch.export.live import Live
 from raymarch.export.text.html import text_of
+from raymarch.gpu.frame import png
 from raymarch.gpu.renderer import render
 from raymarch.scene.parameter import Value, set_values
 
@@ -39,6 +43,7 @@ def widget_class() -> Any:
 
         _esm = files("raymarch.export").joinpath("widget.js").read_text(encoding="utf-8")
         page = Unicode().tag(sync=True)
+        still = Unicode().tag(sync=True)
         size = List([0, 0]).tag(sync=True)
         params = Dict().tag(sync=True)
         time = Float().tag(sync=True)
@@ -52,7 +57,8 @@ def widget_class() -> Any:
             self._values = shown.values.params
             page = text_of(shown.scene, shown.values).text
             params = _plain(shown.values.params)
-            super().__init__(page=page, size=list(shown.size), params=params, time=shown.values.time)
+            values = {"size": list(shown.size), "params": params, "time": shown.values.time}
+            super().__init__(page=page, still=f"raymarch-{uuid4().hex}", **values)
 
         @traitlets.validate("params")
         def _check_params(self, proposal: Any) -> dict[str, Any]:
@@ -73,13 +79,23 @@ def widget_class() -> Any:
         def _repr_mimebundle_(self, **options: Any) -> Any:
             found = super()._repr_mimebundle_(**options)
             data, metadata = found if isinstance(found, tuple) else (found or {}, {})
-            image = self._shown._repr_mimebundle_()["image/png"]
+            image = png(self._shown.picture())
+            _display_still(self.still, image)
             return {**data, "image/png": image, "text/plain": repr(self)}, metadata
 
         def __repr__(self) -> str:
             return repr(self._shown)
 
     return SceneWidget
+
+
+def _display_still(name: str, image: bytes) -> None:
+    """Display a picture before the widget, which hides it: a notebook that was converted to HTML or PDF shows it."""
+    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
+    if shell is not None:
+        data = base64.b64encode(image).decode()
+        text = f'<img class="{name}" alt="a raymarch scene" src="data:image/png;base64,{data}">'
+        shell.display_pub.publish({"text/html": text})
 
 
 def _plain(values: Mapping[str, Value]) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
@@ -92,11 +93,20 @@ def test_a_kernel_shows_it(tmp_path: Path) -> None:
     nbclient, nbformat = pytest.importorskip("nbclient"), pytest.importorskip("nbformat")
     pytest.importorskip("ipykernel")
     cells = ["import raymarch as rm\nview = rm.show(rm.sphere(), (32, 24))\nview", "view.time = 2.0\nprint(view.time)"]
+    cells.append("size = 1\nrm.sphere(-size)")
     book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(cell) for cell in cells])
-    nbclient.NotebookClient(book, timeout=120, resources={"metadata": {"path": str(tmp_path)}}).execute()
-    (shown,) = book.cells[0].outputs
+    options = {"allow_errors": True, "resources": {"metadata": {"path": str(tmp_path)}}}
+    nbclient.NotebookClient(book, timeout=120, **options).execute()
+    still, shown = book.cells[0].outputs
     assert {"application/vnd.jupyter.widget-view+json", "image/png"} <= set(shown["data"])
     assert book.cells[1].outputs[0]["text"] == "2.0\n"
+    # Where the notebook is converted, the picture before the widget stays; the widget's script hides it.
+    assert re.fullmatch(
+        r'<img class="raymarch-\w+" alt=.* src="data:image/png;base64,[^"]+">', still["data"]["text/html"]
+    )
+    # An error is one line, which names the cell and its line.
+    (error,) = book.cells[2].outputs
+    assert error["traceback"] == ["SceneError: Cell In[3], line 2: sphere: radius = -1 (a number > 0)"]
 
 
 class TestInABrowser:
@@ -129,6 +139,7 @@ class TestInABrowser:
             "saved.length = 0, frame.focus(), frame.contentDocument.querySelector('input[data-param=gap]').focus()"
         )
         page.call("Input.dispatchKeyEvent", type="keyDown", key="End", code="End", windowsVirtualKeyCode=35)
+        page.run("scrollTo(0, 0)")
         page.drag((500, 200), (550, 200))
         page.run("new Promise((done) => setTimeout(done, 300))")
         assert page.run("model.get('params')") == {"gap": 1, "tint": [1, 0, 0]}
@@ -143,3 +154,19 @@ class TestInABrowser:
         page.run("close_widget(), model.set('time', 9)")
         page.run("new Promise((done) => setTimeout(done, 200))")
         assert page.run("raymarch.state.time") == 3
+
+    def test_the_sliders_are_below_the_picture_and_the_wheel_scrolls(self, page: chromium.Browser) -> None:
+        """With Ctrl it zooms."""
+        places = page.run(
+            "['canvas', 'panel'].map((id) => { const r = frame.contentDocument.getElementById(id)"
+            ".getBoundingClientRect(); return [r.top, r.bottom]; })"
+        )
+        assert places[0] == pytest.approx([0, SIZE[1]], abs=2) and places[1][0] >= places[0][1] - 1
+        slider = "frame.contentDocument.querySelector('input[data-param=gap]')"
+        assert page.run(f"{slider}.getBoundingClientRect().width") > 100
+        page.run("document.body.style.height = '3000px'")
+        for modifiers in (0, 2):
+            wheel = {"type": "mouseWheel", "x": 300, "y": 100, "deltaX": 0, "deltaY": 60, "modifiers": modifiers}
+            page.call("Input.dispatchMouseEvent", **wheel)
+            page.run("new Promise((done) => setTimeout(done, 500))")
+            assert (page.run("scrollY") > 0) and (page.run("raymarch.state.orbit[2]") > 0) == (modifiers == 2)
