@@ -24,7 +24,7 @@ from raymarch.cli.common import (
     parse_settings,
     parse_size,
 )
-from raymarch.cli.progress import watched
+from raymarch.cli.progress import bar, watched
 from raymarch.cluster.source import of_file
 from raymarch.cost import baseline
 from raymarch.cost.answer import advice, sentence
@@ -42,6 +42,7 @@ from raymarch.cost.variants import ideal_of
 from raymarch.errors import CostError
 from raymarch.files import import_optional, reading, write
 from raymarch.gpu.renderer import Renderer
+from raymarch.proof import prove
 from raymarch.scene.file import load
 from raymarch.scene.parameter import set_values
 from raymarch.scene.scene import Scene
@@ -99,6 +100,12 @@ def run(
         typer.Option(metavar="FILE", help="Record errors and evaluations of this scene; other scenes in it are kept."),
     ] = None,
     effects: Annotated[bool, typer.Option("--effects", help="Measure the cost of each effect of the scene.")] = False,
+    prove_: Annotated[
+        bool,
+        typer.Option(
+            "--prove", help="Also prove the hits of the scene's own setting by intervals, as `raymarch prove`."
+        ),
+    ] = False,
     cluster: Annotated[
         str | None,
         typer.Option(metavar="tcp://HOST:PORT|local[:N]", help="Measure on the workers of a Dask cluster."),
@@ -120,6 +127,8 @@ def run(
         raise CommandError("--effects together with --cluster", legal="one of them")
     if mixed_drivers and cluster is None:
         raise CommandError("--mixed-drivers without --cluster", legal="--cluster tcp://HOST:PORT or local:N")
+    if prove_ and (effects or check_ is not None or write_baseline is not None):
+        raise CommandError("--prove together with --effects, --check or --write-baseline", legal="one of them")
     crossed = None if cross is None else [name.strip() for name in cross.split(",") if name.strip()]
     asked = axes(crossed, _given(axis or []))
     pixels, params = parse_size(size or SIZE), parse_settings(set_ or [])
@@ -161,6 +170,10 @@ def run(
             made = cost_on_cluster(source, found, scene.stem, settings, moment, repeats, seed, *where, tell, timed)
     else:
         made, costs = bench.sweep(settings, samples, repeats, seed, html is not None)
+    if prove_:
+        with bar("proof", 1.0) as progress:
+            proof = prove(found, size=pixels, time=bench.time, params=params, progress=progress)
+        made.proof = {"words": str(proof), **proof.as_dict()}
     show(made, by, everything)
     if made.untimed and (plot is not None or html is not None):  # the worker that was alone on its machine has left
         errors.print(f"raymarch: --plot and --html are not written without times: {made.untimed}")

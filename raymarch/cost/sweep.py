@@ -121,6 +121,7 @@ class Sweep:
     checks : results of the self-checks; see `raymarch.cost.checks`.
     untimed : why no times were taken; "" if they were. The front is then by evaluations.
     moment : the time of the frames in seconds, for a scene that reads it; else None.
+    proof : figures of a proof of the picture with the scene's own quality, its sentence as "words"; None without one.
     estimate : True if the field of the scene is an estimate. note : what the errors of a blurred picture are; or "".
     """
 
@@ -135,6 +136,7 @@ class Sweep:
     moment: float | None = None
     estimate: bool = False
     note: str = ""
+    proof: Mapping[str, Any] | None = None
 
     @property
     def floor(self) -> float:

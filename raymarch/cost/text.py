@@ -43,6 +43,7 @@ def as_dict(made: Sweep, metric: str = "pixels_p99") -> dict[str, Any]:
             "edge_width": known.edge_width,
         },
         "floor": _number(made.floor),
+        "proof": made.proof,
         "points": [_point(p, made, id(p) in front) for p in made.points],
     }
 
@@ -236,6 +237,8 @@ def findings(made: Sweep, metric: str = "pixels_p99") -> list[str]:
         lines.append("no setting finds every hit: the front is empty")
     if made.base.errors.sound and not made.untimed:
         lines.append(f"the scene's own setting {standing(made, metric)}")
+    if made.proof is not None:
+        lines.append(f"proved by intervals, for the scene's own setting: {made.proof['words']}")
     unsound = sum(not p.errors.sound for p in made.points)
     if unsound:
         lines.append(f"{unsound} settings have missed or false hits and are never on the front")

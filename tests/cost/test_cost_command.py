@@ -10,8 +10,10 @@ from dataclasses import replace
 import pytest
 from PIL import Image
 
+import raymarch as rm
 from raymarch.cli import cost
 from raymarch.gpu.renderer import Renderer
+from raymarch.scene.file import load
 from raymarch.scene.quality import Quality
 from tests.support import commands
 from tests.support.commands import files
@@ -44,6 +46,16 @@ def test_table_json_and_csv(folder, capsys):
     rows = list(csv.DictReader((folder / "a.csv").read_text().splitlines()))
     assert [float(r["evaluations"]) for r in rows] == [p["evaluations"] for p in data["points"]]
     assert files(folder) == {"hello.py", "a.json", "a.csv"}
+
+
+def test_the_proof_of_its_own_setting(folder, capsys):
+    """Its figures are those of `rm.prove`, with the time and the parameters of the sweep."""
+    asked = ("--cross", "epsilon", "--axis", "epsilon=0.1", "--prove", "--json", "a.json", "--set", "size=1.5")
+    assert run("hello.py", *QUICK, *asked) == 0
+    proof = json.loads((folder / "a.json").read_text())["proof"]
+    assert proof["words"] in capsys.readouterr().out and proof["size"] == [32, 18]
+    known = rm.prove(load(folder / "hello.py"), size=(32, 18), params={"size": 1.5})
+    assert (proof["proved"], proof["contradicted"]) == (known.proved, 0) and proof["share"] > 0.99
 
 
 def test_what_is_shown_and_what_only_by_all(folder, capsys, monkeypatch):
@@ -83,6 +95,7 @@ def test_without_matplotlib_nothing_is_measured_in_vain(folder, capsys, monkeypa
         (("none.py",), "none.py"),
         (("hello.py", "--size", "32"), "--size 32"),
         (("hello.py", "--by", "beauty"), "pixels_p99"),
+        (("hello.py", "--prove", "--effects"), "--effects"),
         ((), "SCENE.py"),
         (("hello.py", "--suite"), "--suite"),
         (("hello.py", "--reference-samples", "5"), "square"),
