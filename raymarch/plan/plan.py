@@ -156,7 +156,8 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
 
         It is so small that the hit is within an epsilon of the surface, however flat the field.
         """
-        return min(CONTACT, 1.0 / flatness(self.scene.node)) if self.refined else 1.0
+        stretches = self.marching.tracer == "advance"
+        return min(CONTACT, 1.0 / flatness(self.scene.node, stretches)) if self.refined else 1.0
 
     @cached_property
     def lights_as_data(self) -> bool:

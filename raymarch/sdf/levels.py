@@ -24,15 +24,51 @@ PROBES = 4096
 """Number of points at which `has_levels` evaluates an estimate."""
 
 
-def flatness(root: Node) -> float:
+def flatness(root: Node, stretches: bool = False) -> float:
     """How many times as large as the field the distance to a surface may be: 1 or more.
 
-    It is the largest spread of the nodes of a tree, such as the ratio of the factors of an uneven scale, and of sampled
-    fields the largest ratio at a sample. Nodes whose spread is not known are left out.
+    It is the largest spread of the nodes of a tree, such as the ratio of the factors of an uneven scale, of sampled
+    fields the largest ratio at a sample, and of fields that are divided by their steepest slope, such as implicit and
+    displaced surfaces, that over the least slope at the surface. Nodes of which it is not known are left out.
+
+    stretches : True if rays know implicit surfaces that are only placed and united along a stretch, and do not end at a
+        value.
     """
     nodes = all_nodes(root)
     known = [node.facts.spread for node in nodes if math.isfinite(node.facts.spread)]
+    known += [_of_slopes(node) for node in [*_divided(root, stretches)][:MEASURED]]
     return max([1.0, *known, *(_of_samples(node) for node in nodes if node.name == "sampled_grid")])
+
+
+def _divided(root: Node, stretches: bool) -> Iterator[Node]:
+    """The largest parts of a tree that are not only placed and united, and are divided by a steep slope."""
+    visited: set[int] = set()
+    pending = [(root, stretches)]
+    while pending:
+        node, placed = pending.pop()
+        if id(node) in visited or node.facts.undivided <= STEEP or node.name == "sampled_grid":
+            continue
+        visited.add(id(node))
+        if node.placed_as in ("union", "select", "rigid", "scale"):
+            pending += [(child, placed) for child in node.children]
+        elif node.facts.bounded:
+            if not (placed and node.definition.name == "implicit_solid"):
+                yield node
+        else:
+            pending += [(child, False) for child in node.children]
+
+
+def _of_slopes(node: Node) -> float:
+    """The steepest slope of the undivided field over the least at its surface."""
+    slopes, steepest = slopes_at_surface(node), node.facts.undivided
+    return 1.0 if slopes is None else steepest / max(slopes[0], steepest / FLATTEST)
+
+
+STEEP = 4.0
+"""Steepest slope of a field above which its least slope at the surface is measured."""
+
+FLATTEST = 1e4
+"""Largest ratio of the steepest slope to the least that is taken: float32 resolves no more."""
 
 
 @lru_cache(maxsize=64)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import raymarch as rm
+from raymarch.plan import plan
 from raymarch.scene.file import load
 
 SIZE = (80, 45)
@@ -61,6 +62,31 @@ def test_a_hit_at_an_edge_is_near_it(renderer: rm.Renderer) -> None:
         node = rm.box((1, 1, 1)).rotate(0.3 + turn, (1, 2, 3)) - rm.box((1.2, 0.3, 0.3)).rotate(0.3 + turn, (1, 2, 3))
         scene = rm.Scene(node, camera(0.4, 3.0, turn), quality=rm.Quality(analytic=False))
         assert rm.prove(scene, renderer.render(scene, outputs=("depth",)), tolerance=TOLERANCE).contradicted == 0
+
+
+def tangle() -> rm.Node:
+    return rm.implicit(lambda p: rm.dot(p * p, p * p) - 5 * rm.dot(p, p) + 11.8, 3)
+
+
+@pytest.mark.parametrize(
+    ("solid", "position"),
+    [
+        (lambda: rm.union(tangle(), rm.sphere().translate((0, 3, 0)), k=0.5), (5, 4, 7)),
+        (lambda: tangle().twist(0.3), (5, 4, 7)),
+        (lambda: tangle().repeat(7, (3, 1, 1)), (12, 9, 18)),
+        (lambda: rm.sphere().displace(lambda p: 0.1 * rm.value_noise(20 * p)), (1.5, 1.2, 2.1)),
+    ],
+    ids=["blended", "twisted", "repeated", "displaced"],
+)
+def test_no_ray_ends_before_a_field_that_is_divided(
+    renderer: rm.Renderer, solid: Callable[[], rm.Node], position: tuple[float, float, float]
+) -> None:
+    """The field is up to 54 times smaller than the distance, so a value of epsilon / 16 is no hit."""
+    scene = rm.Scene(solid(), rm.Camera(position), lights=[])
+    assert plan(scene).contact_share < 1 / 20
+    frame = renderer.render(scene, outputs=("depth",))
+    assert np.isfinite(frame.depth).mean() > 0.1
+    assert rm.prove(scene, frame, within=TOLERANCE).contradicted == 0
 
 
 @pytest.fixture(scope="module")
