@@ -46,15 +46,17 @@ def test_flat_solids_cover_their_pixels(solid: str, height: float, renderer: rm.
     assert renderer.render(scene, outputs=("evaluations",)).evaluations.mean() < 3.0
 
 
-def test_a_flat_disc_casts_its_shadow(renderer: rm.Renderer) -> None:
-    """From straight above: the shadow of a ball flattened to a ten-thousandth is a disc of its radius."""
+@pytest.mark.parametrize("direction", [(0, 1, 0), (1, 0.5, 0)])
+@pytest.mark.parametrize("height", [1e-3, 1e-5])
+def test_a_flat_disc_casts_its_shadow(height: float, direction: tuple[float, ...], renderer: rm.Renderer) -> None:
+    """The shadow of a level disc is a disc of its radius, whatever the direction of the sun."""
     renderer.resize((64, 64))
-    disc = rm.sphere().scale((1, 1e-4, 1)).translate((0, 1, 0)).visible(camera=False)
-    camera = rm.Camera(position=(0, 8, 0), target=(0, 0, 0), up=(0, 0, -1), projection="orthographic", height=4)
-    sun = rm.Sun((0, 1, 0), shadow=True)
+    disc = rm.sphere().scale((1, height, 1)).translate((0, 1, 0)).visible(camera=False)
+    camera = rm.Camera(position=(0, 8, 0), target=(0, 0, 0), up=(0, 0, -1), projection="orthographic", height=6)
+    sun = rm.Sun(direction, shadow=True)
     color = renderer.render(rm.Scene(disc | rm.plane(), camera, [sun])).color[..., 0]
-    x, z = np.meshgrid(*[4.0 * ((np.arange(64) + 0.5) / 64 - 0.5)] * 2)
-    radius = np.hypot(x, z)
+    x, z = np.meshgrid(*[6.0 * ((np.arange(64) + 0.5) / 64 - 0.5)] * 2)
+    radius = np.hypot(x + direction[0] / direction[1], z + direction[2] / direction[1])
     dark = color < 0.5 * color.max()
     assert dark[radius < 0.97].all() and not dark[radius > 1.03].any()
 

@@ -125,14 +125,30 @@ def test_normals_where_a_tapered_solid_touches_its_box(rate: float, beside: floa
 
 
 @pytest.mark.parametrize("beside", [1e-7, 1e-5])
-def test_normals_where_a_bent_or_twisted_solid_touches_its_reach(beside: float) -> None:
-    """The far edges of a box lie at its reach: from there on, the gradient is that just inside."""
-    edge = np.array((0.5, 0.1, 0.5))
-    out = np.array((1.0, 0.0, 1.0)) / np.sqrt(2.0)
-    for node, turn in ((rm.box((1, 1, 1)).twist(2), 0.2), (rm.box((1, 1, 1)).twist(-1), -0.1)):
-        c, s = np.cos(turn), np.sin(turn)
-        place = np.array(((c, 0, s), (0, 1, 0), (-s, 0, c)))
-        points = np.array([place @ (edge + step * out - (0, 0, 1e-4)) for step in (beside, -1e-4)])
-        found = node.gradient(points)
-        found /= np.linalg.norm(found, axis=1)[:, None]
-        assert np.degrees(np.arccos(np.clip(found[0] @ found[1], -1, 1))) < 0.5
+@pytest.mark.parametrize("rate", [2.0, -1.0, 0.5])
+@pytest.mark.parametrize("deform", ["twist", "bend"])
+def test_normals_where_a_bent_or_twisted_solid_touches_its_reach(deform: str, rate: float, beside: float) -> None:
+    """The edges of a box lie at its reach. A hit a little outside of a face, beside the edge, has the face's normal,
+    although it lies beyond the reach."""
+    axis = 1 if deform == "twist" else 2  # the axis of the deformation
+    first, second = (2, 0) if deform == "twist" else (0, 1)
+    rate = rate if deform == "twist" else 0.4 * rate
+
+    def deformed(point: np.ndarray) -> np.ndarray:
+        """The image of a point: turned about the axis by the angle at the image."""
+        image = point.copy()
+        for _ in range(200):
+            angle = rate * image[1] if deform == "twist" else rate * image[0]
+            c, s = np.cos(angle), np.sin(angle)
+            image[first] = c * point[first] - s * point[second]
+            image[second] = s * point[first] + c * point[second]
+        return image
+
+    face, edge = np.zeros(3), np.full(3, 0.5)
+    edge[axis], face[first] = 0.1, 1.0
+    beyond = edge + beside * (0.7 * face - 0.3 * np.eye(3)[second])
+    assert np.hypot(beyond[first], beyond[second]) > np.hypot(0.5, 0.5)
+    node = rm.box((1, 1, 1)).twist(rate) if deform == "twist" else rm.box((1, 1, 1)).bend(rate)
+    found = node.gradient([deformed(beyond), deformed(edge - 1e-4 * np.eye(3)[second])])
+    found /= np.linalg.norm(found, axis=1)[:, None]
+    assert np.degrees(np.arccos(np.clip(found[0] @ found[1], -1, 1))) < 0.1
