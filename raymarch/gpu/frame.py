@@ -105,18 +105,18 @@ class Frame:
         arrays = {name: self.array(name) for name in {**self._unread, **self._arrays}}
         return _unpickled, (parts | {"_arrays": arrays, "warnings": list(self.warnings)},)
 
-    def doubts(self, steps: bool = False) -> list[str]:
+    def doubts(self, steps: bool | None = None) -> list[str]:
         """Reasons to doubt this picture, one sentence each; empty if there are none.
 
         The checks are: values outside their range, samples that contradict the facts of the user's own definitions,
         colours that are not finite, glass that one random path a pixel shows, surfaces that are clipped to white over
-        5 % of the picture (which renders the materials), and a picture without a hit (which renders the depth to
-        confirm).
+        5 % of the picture (which renders the materials), a picture without a hit (which renders the depth to confirm),
+        and more than 0.5 % of the rays out of steps.
 
         Parameters
         ----------
-        steps : also check whether more than 0.5 % of the rays ran out of steps. If a pixel is the mean of several rays,
-            this marches a sparse subset of them again.
+        steps : False to leave out rays out of steps. They are known from the picture, unless a pixel is the mean of
+            several rays. True to march a sparse subset of these again; None to leave them out.
 
         Returns
         -------

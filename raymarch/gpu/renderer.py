@@ -281,7 +281,7 @@ class Renderer:
             raise RenderError(doubts)
         return frame
 
-    def _doubts(self, scene: Scene, ready: Prepared, values: Values, frame: Frame, steps: bool) -> list[str]:
+    def _doubts(self, scene: Scene, ready: Prepared, values: Values, frame: Frame, steps: bool | None) -> list[str]:
         """See `Frame.doubts`."""
         pose = frame.pose
         assert pose is not None
@@ -295,8 +295,10 @@ class Renderer:
         white = vouch.overexposed(frame.color, scene) if above > vouch.OVEREXPOSED * pixels else None
         if white is not None:
             found.append(vouch.clipped(white, frame.color, frame.material, scene))
-        if steps:
-            known = frame.drawn("done") or self._sparse(scene, values, pose)
+        known = None if steps is False else frame.drawn("done")
+        if steps and known is None:
+            known = self._sparse(scene, values, pose)
+        if known is not None:
             found.append(vouch.out_of_steps(known.array("done"), scene))
         if vouch.is_sky(frame.color, scene, pose, values) and not np.any(np.isfinite(frame.depth)):
             found.append(vouch.nothing_visible(scene, values))
@@ -551,7 +553,8 @@ def render(
 ) -> Image.Image:
     """Render a picture of a scene, or of a solid, as 8-bit sRGB; with `alpha`, as RGBA with a transparent sky.
 
-    For many frames use one `Renderer`, which compiles once. Each of `Frame.doubts` is emitted as a RenderWarning.
+    For many frames use one `Renderer`, which compiles once. Each of `Frame.doubts` is emitted as a RenderWarning, also
+    too many rays that run out of steps.
 
     Parameters
     ----------
@@ -560,7 +563,7 @@ def render(
     time : value of `rm.time` in seconds.
     params : values of parameters by name.
     backend : see `Renderer`.
-    strict : doubts raise RenderError; too many rays that run out of steps are a doubt, too.
+    strict : doubts raise RenderError.
     alpha : make the sky transparent.
     samples : rays per pixel, 1 or more, against aliasing and noise; 16 smooth the edges. None is that of the quality.
     quality : replaces the scene's; see `Quality.preset`.
@@ -589,7 +592,7 @@ def render(
     with Renderer(size, backend, strict=strict) as renderer:
         frame = renderer.render(scene, time, params)
         if not strict:
-            vouch.warn(doubt for doubt in frame.doubts() if doubt not in frame.warnings)
+            vouch.warn(doubt for doubt in frame.doubts(steps=True) if doubt not in frame.warnings)
         image = frame.image(alpha)
         del frame  # so that closing reads no arrays
         return image

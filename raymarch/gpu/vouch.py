@@ -97,7 +97,8 @@ def out_of_steps(done: NDArray[np.bool_], scene: Scene) -> Doubt | None:
     if share <= OUT_OF_STEPS:
         return None
     cure = f"Quality(max_steps=...), {scene.quality.camera_steps} now; --view iterations"
-    return Doubt("picture", f"{share:.1%} of the rays ran out of steps", cure)
+    what = f"{share:.1%} of the rays ran out of steps, and show the surface that they are near"
+    return Doubt("picture", what, cure)
 
 
 def noisy(scene: Scene) -> Doubt | None:

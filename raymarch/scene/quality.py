@@ -89,7 +89,9 @@ class Quality(Value):
         inside of its solid, "auto" and "bracketing" march it with "bracketing": by at most a pixel more than its value.
     max_steps : maximum number of steps of a camera ray, 1 to 60,000 (software renderers end loops at 65,535). Rays that
         leave a surface may take eight times as many: they start on it, and steps along it grow slowly. So may camera
-        rays at 512, the default, up to 4,096 and in one pass: a camera may be close to a surface too.
+        rays at 512, the default, up to 4,096 and in one pass: a camera may be close to a surface too. With a
+        lower limit those may that rise from a surface at its end. Other rays that run out of steps show the surface
+        that they are near.
     epsilon : the march ends where the field falls below this many pixel widths at that distance, 0.001 to 10; see
         `refinement`. None is 0.1, and the hit is then refined to a sixteenth of it. None is 0.5 for an estimate that is
         nowhere negative, such as that of `mandelbox`: its ray ends there, because it has no surface to refine hits on.
@@ -234,6 +236,12 @@ class Quality(Value):
         no ray that looks along a surface, as from 1e-4 radii above a ball."""
         kept = self.max_steps < 512 or self.steps_per_pass is not None
         return self.max_steps if kept else max(self.max_steps, 4096)
+
+    @property
+    def rising_steps(self) -> int:
+        """Maximum number of steps of a camera ray from whose last sample on the field rises. It has passed the surface,
+        and shows what lies behind."""
+        return max(self.camera_steps, 4096)
 
     @property
     def shortened(self) -> bool:

@@ -259,6 +259,7 @@ def _constants(plan: Plan) -> dict[str, Mapped]:
             "shadow_steps": ("int", str(quality.shadow_steps or quality.secondary_steps)),
             "secondary_steps": ("int", str(quality.secondary_steps)),
             "march_steps": ("int", "" if plan.marching.cones or plan.marching.resumed else str(quality.camera_steps)),
+            "rising_steps": ("int", str(quality.rising_steps)),
             "epsilon_pixels": ("float", literal(plan.epsilon)),
             "contact_share": ("float", literal(plan.contact_share)),
             "leap_pixels": ("float", literal(_leap(plan))),

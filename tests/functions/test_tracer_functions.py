@@ -86,13 +86,13 @@ def test_a_ray_that_recedes_ends_soon(egl: Context, tracer: str) -> None:
 
 @pytest.mark.parametrize("tracer", TRACERS)
 def test_a_ray_that_runs_out_of_steps_ends_at_its_last_sample(egl: Context, tracer: str) -> None:
-    """It counts as a hit within a pixel."""
+    """It shows the surface that it is near, and never the sky."""
     of = everything()[: 2 * MANY]
     got = march(egl, text_of(tracer), of, far=FAR, steps=3)
     assert_true(of, got, FAR, 3)
     out = ~got.done
     assert np.mean(out) > 0.5
-    assert np.all(got.found[out] == (got.residual < PIXEL * got.t)[out])
+    assert np.all(got.found[out])
     alone = out & (got.residual > 2 * NEAR * FAR)
     assert np.all(got.evaluations[alone] == 3)
     if tracer == "plain":
@@ -145,8 +145,7 @@ def test_plain_steps_on_an_estimate_are_never_taken_back(egl: Context, scale: fl
 
 @pytest.mark.parametrize("tracer", ["plain", "bracketing"])
 def test_the_widths_of_an_orthographic_ray_do_not_grow(egl: Context, tracer: str) -> None:
-    """A plane is looked for within a tenth of a pixel at each distance, and met within a sixteenth of that. A ray out
-    of steps has hit it within a pixel."""
+    """A plane is looked for within a tenth of a pixel at each distance, and met within a sixteenth of that."""
     slope = np.tile(np.linspace(0.2, 0.98, 100), 4)
     of = plane(-slope, np.repeat([1e-2, 0.3, 3, 30], 100))
     text = text_of(tracer, variants=frozenset({"ORTHOGRAPHIC"}))
@@ -159,8 +158,7 @@ def test_the_widths_of_an_orthographic_ray_do_not_grow(egl: Context, tracer: str
         plain = 1 + np.ceil(np.log(NEAR / of.values[:, 0]) / np.log1p(-slope))
         assert np.all(np.abs(got.evaluations - plain - last_steps(slope)) <= 3)
         out = march(egl, text, of, far=400.0, steps=4)
-        assert np.all(out.found[~out.done] == (out.residual < PIXEL)[~out.done])
-        assert 0.02 < np.mean(out.found[~out.done]) < 0.9
+        assert 0.02 < np.mean(out.done) < 0.9 and np.all(out.found)
 
 
 PASSES = """

@@ -115,7 +115,10 @@ def test_the_picture_tells_which_rays_ran_out_of_steps(context, quality, post):
         frame = renderer.render(scene)
         drawn = [t.name for t in frame.timings]
         share = float(np.mean(~frame.done))
-        assert any("ran out of steps" in doubt for doubt in frame.doubts(steps=True)) == (share > 0.005)
+        said = [
+            any("ran out of steps, and show the surface" in doubt for doubt in frame.doubts(s)) for s in (None, False)
+        ]
+        assert said == [share > 0.005, False]
         assert (share > 0.05) == (not quality.get("analytic"))
         assert [t.name for t in frame.timings] == drawn, "nothing more was drawn"
         np.testing.assert_array_equal(renderer.render(scene, outputs=("done",)).done, frame.done)
@@ -245,3 +248,10 @@ def test_the_limits_are_those_that_the_help_states():
     words = " ".join(rm.Frame.doubts.__doc__.split())
     assert f"over {100 * vouch.OVEREXPOSED:g} % of the picture" in words
     assert f"more than {100 * vouch.OUT_OF_STEPS:g} % of the rays" in words
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+def test_one_call_says_that_rays_ran_out_of_steps(samples):
+    """The share and the cure, also where a pixel is the mean of several rays."""
+    with pytest.warns(rm.RenderWarning, match=r"\d+\.\d% of the rays ran out of steps.*max_steps.*20 now"):
+        rm.render(EXHAUSTED, size=(96, 60), samples=samples)

@@ -436,7 +436,7 @@ def test_the_ground_reaches_its_horizon(renderer: rm.Renderer, tracer: str) -> N
 
 def test_a_ray_that_runs_out_of_steps_takes_what_it_came_nearest(renderer: rm.Renderer) -> None:
     """Over a plane each step of plain tracing is the height; where 40 of them do not arrive, the ray has come to a
-    known place, and counts as a hit if it is less than a pixel's width away from the ground there."""
+    known place, and shows the ground there."""
     view = View((0, 1, 0), (0, 1, -1), 30.0, (160, 120))
     quality = rm.Quality(tracer="plain", max_steps=40, analytic=False)
     frame = renderer.render(scene_of(view, open_ground(), quality=quality), outputs=("depth", "evaluations"))
@@ -448,10 +448,8 @@ def test_a_ray_that_runs_out_of_steps_takes_what_it_came_nearest(renderer: rm.Re
     ran_out = (frame.iterations == 40) & (sinking > 0)
     assert 0.01 < ran_out.mean() < 0.5
     sure = ran_out & (np.abs(height / t / view.pixel - 1) > 0.01) & (height > 1.01 * EPSILON * view.pixel * t)
-    assert np.array_equal(np.isfinite(frame.depth)[sure], (height < view.pixel * t)[sure])
-    taken = sure & np.isfinite(frame.depth)
-    assert taken.any() and (sure & ~taken).any()
-    assert np.all(np.abs(frame.depth[taken] / t[taken] - 1) < 1e-4)
+    assert sure.any() and np.all(np.abs(frame.depth[sure] / t[sure] - 1) < 1e-4)
+    assert not np.isfinite(frame.depth)[sinking < 0].any() and 40 < frame.iterations[sinking < 0].max() < 4096
 
 
 def test_a_far_horizon_is_seen_through_a_long_lens(renderer: rm.Renderer) -> None:
@@ -484,7 +482,8 @@ def test_positions_are_those_of_the_hits_also_far_from_the_origin(renderer: rm.R
 
 
 def test_a_camera_a_ten_thousandth_of_a_radius_above_a_torus(renderer: rm.Renderer) -> None:
-    """Rays along the surface take up to 2,200 steps. Those that ran out of 512 showed a surface that they pass."""
+    """Rays along the surface take up to 860 steps. Those that ran out of 512 showed a surface that they pass. With a
+    lower limit, rays that rise from the surface go on; others show it."""
     renderer.resize((96, 54))
     up = np.array((0.94, 0.34, 0.0)) / np.linalg.norm((0.94, 0.34, 0.0))
     foot = (0.9, 0.0, 0.0) + 0.1001 * up
@@ -492,9 +491,12 @@ def test_a_camera_a_ten_thousandth_of_a_radius_above_a_torus(renderer: rm.Render
     scene = rm.Scene(rm.torus(0.9, 0.1), camera, lights=[])
     frame = renderer.render(scene, outputs=("depth", "iterations"))
     wrong = np.isfinite(frame.depth) != rm.truth(scene, renderer.size, outputs=()).hit
-    assert frame.iterations.max() > 600 and wrong.sum() <= 2
-    short = scene.replace(quality=rm.Quality(max_steps=100))
-    assert renderer.render(short, outputs=("iterations",)).iterations.max() == 100
+    assert 512 < frame.iterations.max() < 1000 and wrong.sum() <= 2
+    short = renderer.render(scene.replace(quality=rm.Quality(max_steps=100)), outputs=("depth", "iterations", "done"))
+    assert 100 < short.iterations.max() < 1000 and np.all(short.iterations[~short.done] >= 100)
+    assert not (np.isfinite(frame.depth) & ~np.isfinite(short.depth)).any()
+    shown = np.isfinite(short.depth) & ~np.isfinite(frame.depth)
+    assert not (shown & short.done).any() and shown.mean() < 0.01
 
 
 @pytest.mark.parametrize("radius", [1.0, 100.0, 1e4])
@@ -505,6 +507,8 @@ def test_rays_from_just_above_a_ball_meet_what_lies_behind_it(renderer: rm.Rende
     behind = rm.box(0.6 * radius).translate((0, radius, -3 * radius))
     camera = rm.Camera((0, eye, 0), (0, eye + 0.02 * radius, -2 * radius), fov=6)
     scene = rm.Scene(rm.sphere(radius) | behind, camera, lights=[], quality=rm.Quality(analytic=False))
+    right = rm.truth(scene, renderer.size, outputs=()).hit
     frame = renderer.render(scene, outputs=("depth", "done"))
-    assert frame.done.all()
-    assert np.array_equal(np.isfinite(frame.depth), rm.truth(scene, renderer.size, outputs=()).hit)
+    assert frame.done.all() and np.array_equal(np.isfinite(frame.depth), right)
+    short = scene.replace(quality=scene.quality.replace(max_steps=70))
+    assert np.array_equal(np.isfinite(renderer.render(short, outputs=("depth",)).depth), right)

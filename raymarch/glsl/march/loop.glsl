@@ -19,7 +19,12 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #ifndef UNCOUNTED
     float steps = 0.0;
 #endif
+#ifdef RISING
+    // a ray that rises from a surface goes on: it has passed it
+    for (int i = 0; i < march_steps || (i < rising_steps && at.last_derivative >= 0.0 && !at.refining); i++) {
+#else
     for (int i = 0; i < march_steps; i++) {
+#endif
         float width = at.passing ? widths.z : widths.y;
 #ifdef ORTHOGRAPHIC
         bool aiming = at.refining || aims_at_surface(at.r, at.last_derivative, widths.x * at.t + width);
