@@ -82,7 +82,7 @@ class Frame:
     pose: Pose | None = field(default=None, repr=False)
     warnings: Sequence[str] = ()
     """One sentence for each value that is outside its legal range in this frame."""
-    _doubts: Callable[[Frame, bool], list[str]] | None = field(default=None, repr=False)
+    _doubts: Callable[[Frame, bool | None], list[str]] | None = field(default=None, repr=False)
     _transparency: Callable[[], tuple[NDArray[np.float32], NDArray[np.float32]]] | None = field(
         default=None, repr=False
     )
