@@ -192,8 +192,6 @@ def _choose_tracer(scene: Scene, certified: bool, refines: bool) -> tuple[str, s
         return "plain", "the field is an estimate, so longer steps are not safe"
     if quality.shortened:
         return "plain", "Quality(step_scale=..., step_variation=...) shortens plain steps"
-    if quality.steps_per_pass is not None and asked == "auto":
-        return "bracketing", "a march in several passes does not keep how far a ray was known to be free"
     if asked == "advance":
         if not readable(scene.node):
             deep = f"the tree has more than {DEEPEST} nodes one above the other"

@@ -124,7 +124,7 @@ class Quality(Value):
         earlier samples are reprojected.
     steps_per_pass : maximum number of steps of a ray in one pass, 4 to 60,000. The next pass resumes the march, until
         the ray ends or has taken `max_steps`. With temporal="accumulate" the march also resumes in the next frame,
-        while the picture stays the same. None: one pass. Only with samples=1, and not with tracer="advance".
+        while the picture stays the same. None: one pass. Only with samples=1.
     lights_per_pass : number of samples of light that one pass adds to the colour of surfaces in a frame with a time
         budget, 1 to 60,000, or "auto" for as many as fit into the budget, by the times of the passes before. A light is
         one sample, or `light_samples` of them; so is each step of AmbientOcclusion. Further passes add the next ones,
@@ -207,9 +207,6 @@ class Quality(Value):
             others = f"samples = {self.samples}, temporal = {self.temporal!r}"
             what = f"Quality: steps_per_pass = {self.steps_per_pass} with {others}"
             raise SceneError(what, legal="one ray a pixel, samples=1, and temporal 'off' or 'accumulate'")
-        if self.steps_per_pass is not None and self.tracer == "advance":
-            what = f"Quality: steps_per_pass = {self.steps_per_pass} with tracer = 'advance'"
-            raise SceneError(what, legal="another tracer: passes do not keep how far a ray was known to be free")
         if self.lights_per_pass is not None and self.temporal == "reproject":
             what = f"Quality: lights_per_pass = {self.lights_per_pass} with temporal = 'reproject'"
             raise SceneError(what, legal="temporal 'off' or 'accumulate'")

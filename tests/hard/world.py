@@ -87,8 +87,7 @@ class World:
         if self.renderer.size != size:
             self.renderer.resize(size)
         self.renderer.forget()
-        in_passes = scene.quality.steps_per_pass is not None  # which the advance does not take
-        if scene.quality.tracer == "auto" and not scene.quality.shortened and not in_passes:
+        if scene.quality.tracer == "auto" and not scene.quality.shortened:
             scene = scene.replace(quality=scene.quality.replace(tracer=self.tracer))
         frame = self.renderer.render(scene, outputs=outputs, **how)
         for name in outputs:

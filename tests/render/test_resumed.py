@@ -47,7 +47,7 @@ def renderer(opened: Renderer) -> Renderer:
     return opened
 
 
-@pytest.mark.parametrize("tracer", [t for t in TRACERS if t not in ("auto", "advance")])
+@pytest.mark.parametrize("tracer", [t for t in TRACERS if t != "auto"])
 @pytest.mark.parametrize("schedule", ["single", "cones"])
 @pytest.mark.parametrize("steps_per_pass", [4, 7])
 def test_many_passes_draw_the_picture_of_one(
@@ -64,9 +64,16 @@ def test_many_passes_draw_the_picture_of_one(
         np.testing.assert_allclose(parts.array(name), whole.array(name), rtol=ulps * 2.0**-23, err_msg=name)
 
 
-def test_a_tracer_that_keeps_more_than_a_pass_stores_is_refused() -> None:
-    with pytest.raises(rm.SceneError, match="steps_per_pass = 8 with tracer = 'advance'"):
-        rm.Quality(tracer="advance", steps_per_pass=8)
+@pytest.mark.parametrize("schedule", ["single", "cones"])
+def test_passes_keep_the_stretch_for_which_bounds_are_asked(renderer: Renderer, schedule: str) -> None:
+    heart = rm.implicit(lambda p: (rm.dot(p, p) - 1) ** 3 - p.x**2 * p.y**3 + 0.1 * p.z**2, bounds=((-2,) * 3, (2,) * 3))
+    given = scene(tracer="advance", schedule=schedule).replace(node=heart | rm.plane(offset=-1.5))
+    whole = renderer.render(given, outputs=("depth", "residual"))
+    split = given.replace(quality=given.quality.replace(steps_per_pass=4))
+    parts = renderer.render(split, outputs=("depth", "residual"))
+    assert sum(t.name == "march" for t in parts.timings) > 1
+    for name in ("depth", "residual"):
+        np.testing.assert_array_equal(parts.array(name), whole.array(name))
 
 
 def test_the_passes_end_when_all_rays_have_arrived(renderer: Renderer) -> None:

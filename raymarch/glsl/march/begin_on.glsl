@@ -23,5 +23,8 @@ bool begins(Ray ray, out March at, out float far, out vec2 spent) {
         spent.y += 1.0;
     }
 #endif
+#ifdef STRETCH
+    begin_stretch(far - at.t);
+#endif
     return open;
 }

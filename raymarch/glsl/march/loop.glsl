@@ -11,9 +11,6 @@
 #endif
 void march(Ray ray, inout March at, inout Hit hit, float far) {
     vec3 widths = hit_widths(ray);
-#ifdef STRETCH
-    begin_stretch(far - at.t);
-#endif
     bool found = false;
     bool escaped = false;
 #ifndef UNCOUNTED

@@ -13,7 +13,15 @@ vec4 packed_hit(Hit hit) {
 }
 
 vec4 packed_more(March at) {
-    return vec4(at.last_derivative, at.kept_t, at.kept_r, 0.0);
+    vec4 more = vec4(at.last_derivative, at.kept_t, at.kept_r, 0.0);
+#ifdef STRETCH
+    more.w = stretch_ahead;
+#else
+#ifdef ADVANCE
+    more.w = approach;
+#endif
+#endif
+    return more;
 }
 
 bool flag(vec4 march, float bit) {
@@ -21,6 +29,13 @@ bool flag(vec4 march, float bit) {
 }
 
 March unpack_march(vec4 march, vec4 more) {
+#ifdef STRETCH
+    stretch_ahead = more.w;
+#else
+#ifdef ADVANCE
+    approach = more.w;
+#endif
+#endif
     return March(march.x, march.y, more.y, more.z, march.z, more.x, flag(march, 1.0), flag(march, 2.0));
 }
 

@@ -5,6 +5,9 @@ Hit trace(Ray ray) {
 #ifdef ANALYTIC
     if (range.x <= range.y) {
         March at = start_march(ray, range.x);
+#ifdef STRETCH
+        begin_stretch(range.y - at.t);
+#endif
         march(ray, at, hit, range.y);
     }
     keep_solved(hit);
@@ -13,6 +16,9 @@ Hit trace(Ray ray) {
     March at = start_march(ray, range.x);
 #ifdef OWN_START
     enter(ray, at);
+#endif
+#ifdef STRETCH
+    begin_stretch(range.y - at.t);
 #endif
     march(ray, at, hit, range.y);
 #endif

@@ -21,6 +21,9 @@ void main() {
         spent.y += 1.0 / (u_cell.x * u_cell.y);
 #endif
         Hit hit = no_hit(0.0);
+#ifdef STRETCH
+        begin_stretch(range.y - at.t);
+#endif
         march(ray, at, hit, range.y);
         spent += vec2(hit.iterations, hit.evaluations / (u_cell.x * u_cell.y));
         open = hit.found || at.t + at.r <= range.y;
