@@ -30,20 +30,20 @@ from __future__ import annotations
 
 import builtins
 import math
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from raymarch.expr.curvature import Kinds, kinds_of
 from raymarch.expr.derivative import directional_derivatives, opened, share_values
-from raymarch.expr.function import Function, function
+from raymarch.expr.function import Function
 from raymarch.expr.node import Expr, const, var
 from raymarch.expr.partials import ONE
-from raymarch.expr.types import FLOAT, VEC2, VEC3
-from raymarch.expr.vocabulary import abs, length, max, min, step, vec2, vec3, where
+from raymarch.expr.types import FLOAT, VEC3
+from raymarch.expr.vocabulary import length, max, min, vec2, vec3, where
 from raymarch.expr.walk import depends_on, find, rebuild, run, substitute, topological
 from raymarch.sdf.blends import FAMILIES
 from raymarch.sdf.convexity import hull_of, is_concave_fold, is_convex, known_parts
@@ -56,6 +56,7 @@ from raymarch.sdf.node import Node, children_first
 from raymarch.sdf.pieces import borders
 from raymarch.sdf.values import BOUND
 from raymarch.sdf.visibility import shown
+from raymarch.sdf.ways import Box, Line, chord, way_in_pieces, way_out
 
 STRETCH = var("stretch_ahead", FLOAT)
 """The stretch of the ray for which leaves with bounds of a stretch are asked; a variable of the shader."""
@@ -65,63 +66,6 @@ KEEPING = ("rigid", "select")
 
 EXITS = ("sphere", "box", "cylinder")
 """Convex shapes whose exit is found in closed form where they are holes. Those of others cost more than they save."""
-
-FLATTEST = 1e-20
-"""In place of a rate of approach of 0."""
-
-
-@function("way", line=VEC2, level=FLOAT, growth=FLOAT)
-def way_above(line: Expr, level: Expr, growth: Expr) -> Expr:
-    """How far a line, a value and a slope, stays above a level that grows."""
-    return min(max(line.x - level, 0.0) / max(growth - line.y, FLATTEST), FARTHEST)
-
-
-@function(depth=FLOAT, exit=FLOAT, level=FLOAT, growth=FLOAT)
-def way_out(depth: Expr, exit: Expr, level: Expr, growth: Expr) -> Expr:
-    """How far a point that is `depth` deep in a convex solid stays deeper than a level, where the ray leaves the solid
-    at `exit`: the depth is concave, so it lies above its chord."""
-    return min(way_above(vec2(depth, -depth / max(exit, FLATTEST)), level, growth), max(exit, 0.0))
-
-
-@function(first=FLOAT, border=FLOAT, there=FLOAT, steepest=FLOAT)
-def way_in_pieces(first: Expr, border: Expr, there: Expr, steepest: Expr) -> Expr:
-    """The advance `first` of a field that is of the form read up to a border, where it is at least `there` above the
-    level, and Lipschitz beyond."""
-    return where(first < border, first, border + max(there, 0.0) / steepest)
-
-
-@function(here=FLOAT, there=FLOAT, s=FLOAT)
-def chord(here: Expr, there: Expr, s: Expr) -> Expr:
-    """Where the line from (0, here) to (s, there) is 0; s if it does not fall below 0 before."""
-    return s * (max(here, 0.0) / max(here - min(there, 0.0), FLATTEST))
-
-
-@function(p=VEC3, d=VEC3, half=VEC3, growth=FLOAT)
-def way_to_box(p: Expr, d: Expr, half: Expr, growth: Expr) -> Expr:
-    """The way to a box about the origin that grows on all sides along the ray; far for a ray that misses it."""
-    from_middle, rate = p * (1.0 - 2.0 * step(d, 0.0)), abs(d)
-    enter = -(half + from_middle) / max(rate + growth, FLATTEST)
-    leave = [
-        where(growth < along, (side - at) / max(along - growth, FLATTEST), FARTHEST)
-        for along, side, at in zip(rate, half, from_middle, strict=True)
-    ]
-    first, last = max(*enter), min(*leave)
-    return where((last < 0.0) | (last < first), FARTHEST, max(first, 0.0))
-
-
-class Line(NamedTuple):
-    """A value and a slope: a line below a field along the ray."""
-
-    value: Expr
-    slope: Expr
-
-    def way(self, level: Expr, growth: Expr) -> Expr:
-        """How far the line stays above a level."""
-        return way_above(vec2(self.value, self.slope), level, growth)
-
-    def at(self, s: Expr) -> Expr:
-        return self.value + self.slope * s
-
 
 Ahead: TypeAlias = Callable[[Expr, Expr], Expr]
 
@@ -288,6 +232,15 @@ Work: TypeAlias = Generator[Ask, Reading, Reading]
 Part: TypeAlias = Generator[Ask, Reading, "Reading | None"]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """What a body asks of a child: the ways to the borders and the rate of the child's point, of the body's point."""
+
+    ask: Ask
+    rate: Expr
+    ways: Sequence[Expr]
+
+
 @dataclass(slots=True)
 class _Scope:
     """The body of a node: the expressions of the shader for its parts, and the borders of its pieces.
@@ -303,6 +256,19 @@ class _Scope:
     moving: set[Expr]
     borders: list[Expr] = field(default_factory=list)
     whole: bool = True
+    pieces: dict[Expr, Piece] = field(default_factory=dict)
+
+    def boxes(self, point: Expr) -> tuple[Expr, list[Box]]:
+        """The way from a point of the ray to the next border, and the boxes of the children as they are seen there;
+        no boxes if one child has none."""
+        known = dict(zip(self.template.params, (point, *_values(self.ask.node)), strict=True))
+        known[var("direction", self.template.params[0].type)] = self.ask.direction
+        ways, boxes = dict[Expr, None](), list[Box | None]()
+        for part, piece in self.pieces.items():
+            q, rate, *found = substitute([part.args[0], piece.rate, *piece.ways], known)
+            ways |= dict.fromkeys(found)
+            boxes.append(_box_of(replace(piece.ask, point=q, direction=rate)))
+        return reduce(min, ways), [] if None in boxes else [box for box in boxes if box is not None]
 
     def still(self, part: Expr) -> bool:
         """True if a part depends on neither the point nor the children."""
@@ -354,7 +320,7 @@ class Advancing:
             return _in_box(ask, self._by_constant(ask, self._divided_value(ask, scope.actual[body])))
         found = self._divided(ask, found)
         if scope.borders:
-            found = _in_pieces(ask, found, reduce(min, scope.borders))
+            found = _in_box(ask, _in_pieces(scope, body, found))
         elif not scope.whole:
             found = found.beside(Line(found.value, -ask.steepest))
         return self._for_rays(node, found)
@@ -464,19 +430,21 @@ class Advancing:
             return None
         rate = directional_derivatives(part.args[0], point, [direction])[0]
         known = scope.actual | {direction: ask.direction}
-        rate, *ways = substitute([rate, *ways], known)
-        scope.borders += [way for way in ways if way not in scope.borders]
+        moved, *found = substitute([rate, *ways], known)
+        scope.borders += [way for way in found if way not in scope.borders]
         node = ask.node
         children = flattened(node) if node.definition.associative else node.children
-        return replace(
+        request = replace(
             ask,
             node=children[part.data],
             point=scope.actual[part.args[0]],
-            direction=rate,
-            speed=ask.speed if node.placed_as in KEEPING or rate is ask.direction else length(rate),
+            direction=moved,
+            speed=ask.speed if node.placed_as in KEEPING or moved is ask.direction else length(moved),
             undivided=scope.below,
             negated=negated,
         )
+        scope.pieces[part] = Piece(request, rate, ways)
+        return request
 
     def _part(self, scope: _Scope, part: Expr, negated: bool) -> Part:
         """The reading of a part of a body, or of its negative; None if it has none."""
@@ -587,33 +555,54 @@ def _read(template: Function, undivided: bool) -> Expr:
     return body.args[0 if undivided else 1] if body.data is BOUND else body
 
 
-def _in_pieces(ask: Ask, found: Reading, border: Expr) -> Reading:
-    """The reading of a node whose field is of the form read up to a border only, and Lipschitz beyond."""
-    steepest = ask.steepest
+AHEAD = 1
+"""Pieces after the first one in which a ray is free up to the boxes of children. Two save 3 % more evaluations of
+infinite columns in a plane, and no time."""
+
+
+def _in_pieces(scope: _Scope, body: Expr, found: Reading) -> Reading:
+    """The reading of a node whose field is of the form read up to a border only, and Lipschitz beyond. Where the field
+    is the least of children with boxes, the ray is free up to those of this piece, and of the next one."""
+    ask, steepest, border = scope.ask, scope.ask.steepest, reduce(min, scope.borders)
+    divided = not ask.undivided and ask.node.facts.divisor > 1.0
+    here = [] if ask.negated or divided or not _is_least(body) else scope.boxes(ask.point)[1]
 
     def ahead(level: Expr, growth: Expr) -> Expr:
         there = found.below(border) - level - growth * border
-        return way_in_pieces(found.ahead(level, growth), border, there, steepest + growth)
+        first = found.ahead(level, growth)
+        if not here:
+            return way_in_pieces(first, border, there, steepest + growth)
+        first = max(first, reduce(min, [box.way(level, growth) for box in here]))
+        there = max(there, reduce(min, [box.least(border) for box in here]) - level - growth * border)
+        free = border + max(there, 0.0) / (steepest + growth)
+        for _ in range(AHEAD):
+            further, boxes = scope.boxes(ask.point + free * ask.direction)
+            free = free + reduce(min, [further, *[box.way(level + growth * free, growth) for box in boxes]])
+        return where(first < border, first, free)
 
     return Reading(found.value, Line(found.value, -steepest), ahead)
 
 
-MARGIN = 1e-5
-"""Share by which boxes are grown, so that rounding in float32 cannot cut off their solids."""
+def _is_least(body: Expr) -> bool:
+    """True for an expression that is above a level where all children that it asks are."""
+    if body.op == "min":
+        return all(map(_is_least, body.args))
+    return body.op == "apply"
+
+
+def _box_of(ask: Ask) -> Box | None:
+    """The box of a node, if it is bounded on some side."""
+    facts = ask.node.facts
+    spread = facts.undivided_spread if ask.undivided else facts.spread
+    known = np.isfinite([facts.lower, facts.upper]).any()
+    if ask.negated or ask.point.type is not VEC3 or not known or facts.empty or not np.isfinite(spread):
+        return None
+    return Box(facts, float(spread), ask.point, ask.direction)
 
 
 def _in_box(ask: Ask, found: Reading) -> Reading:
-    """The reading of a node with a box: free up to the box, grown by the spread of the level."""
-    facts = ask.node.facts
-    spread = facts.undivided_spread if ask.undivided else facts.spread
-    if ask.negated or ask.point.type is not VEC3 or not facts.bounded or facts.empty or not np.isfinite(spread):
+    """The reading of a node with a box: free up to the box."""
+    box = _box_of(ask)
+    if box is None:
         return found
-    middle, half = 0.5 * (facts.lower + facts.upper), 0.5 * facts.size
-    half = half + MARGIN * np.maximum(np.abs(facts.lower), np.abs(facts.upper)).max()
-
-    def ahead(level: Expr, growth: Expr) -> Expr:
-        grown = const(half) + float(spread) * max(level, 0.0)
-        box = way_to_box(ask.point - const(middle), ask.direction, grown, float(spread) * growth)
-        return max(found.ahead(level, growth), box)
-
-    return Reading(found.value, found.line, ahead)
+    return Reading(found.value, found.line, lambda *at: max(found.ahead(*at), box.way(*at)))

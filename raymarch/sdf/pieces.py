@@ -24,6 +24,9 @@ STEEPEST = 1e-20
 ON_BORDER = 1e-18
 """A way that is nearly 0, over a rate of 0: a ray in a border stays there."""
 
+ROUNDING = 5e-7
+"""Relative error of a number that counts cells, in float32."""
+
 _KEEPS = frozenset("add sub neg swizzle construct within".split())
 """Operations that give affine functions of affine ones, without a border."""
 
@@ -39,9 +42,12 @@ def way_to_kink(gap: Expr, rate: Expr) -> Expr:
 
 @function(at=FLOAT, rate=FLOAT)
 def way_to_integer(at: Expr, rate: Expr) -> Expr:
-    """The way to where a number that is `at` here, and changes by `rate` along the ray, is the next integer."""
+    """The way to where a number that is `at` here, and changes by `rate` along the ray, is the next integer. It is 0
+    where the number has left an integer by less than its rounding error: it may be read on either side of it."""
     inside = at - floor(at)
-    return min(where(rate < 0.0, inside, 1.0 - inside) / max(abs(rate), STEEPEST), FARTHEST)
+    left = where(rate < 0.0, inside, 1.0 - inside)
+    left = where(1.0 - left < ROUNDING * max(abs(at), 1.0), 0.0, left)
+    return min(left / max(abs(rate), STEEPEST), FARTHEST)
 
 
 def borders(root: Expr, point: Expr, direction: Expr, known: dict[Expr, Kinds]) -> list[Expr] | None:
