@@ -5,17 +5,20 @@ A schedule has coarse levels of cones that are marched first, so that rays start
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from raymarch.expr.function import Function
+from raymarch.expr.operations import operations as count_operations
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
-from raymarch.sdf.advance import DEEPEST, implicit_nodes, readable
+from raymarch.sdf.advance import DEEPEST, OnlyDistance, implicit_nodes, readable
 from raymarch.sdf.levels import has_levels, may_touch
 
-MODULES = {"relaxed_again": "relaxed", "advance": "ahead"}
+MODULES = {"relaxed_again": "relaxed", "advance": "bracketing"}
 """Tracers whose module has a different name."""
 
 WORTH_FAR, WORTH, WORTH_BESIDE = 2e7, 1e8, 3e9
@@ -134,6 +137,7 @@ def choose(
     cells: bool = False,
     closed: bool = False,
     far: bool = False,
+    advancing: Callable[[], Function] | None = None,
 ) -> Marching:
     """Choose the tracer and the schedule for a scene.
 
@@ -142,10 +146,13 @@ def choose(
     standalone : True for a shader that draws the picture in one pass, without cones.
     cells : True if objects are found through cells. closed : True if some solids have closed-form hits.
     far : True if a marched solid is unbounded.
+    advancing : makes the function that tells how far a ray is free; see `raymarch.plan.stages.FieldPlan`.
     """
     quality = scene.quality
     certified, several = trusted(scene), quality.samples > 1 or quality.temporal != "off"
     tracer, tracer_reason = _choose_tracer(scene, certified, refined(scene))
+    if tracer == "bracketing" and certified and quality.tracer == "auto" and not cells and advancing is not None:
+        tracer, tracer_reason = _whether_to_advance(scene, operations, advancing)
     least = WORTH_FAR if far else WORTH_BESIDE if closed else WORTH
     schedule, schedule_reason = _choose_schedule(quality, certified, operations, None if cells else size, least)
     if cells and schedule is SINGLE and certified and quality.schedule == "auto" and not quality.shortened:
@@ -202,6 +209,33 @@ def _choose_tracer(scene: Scene, certified: bool, refines: bool) -> tuple[str, s
     if asked == "auto":
         return "bracketing", "the field is certified, so a step longer than the distance can be checked"
     return asked, f"Quality(tracer={asked!r})"
+
+
+MOST_OPERATIONS = 600
+"""Largest number of operations that tell how far a ray is free, for tracer "auto". More delay the first frame."""
+
+DEAREST = 6.0
+"""Largest ratio of these operations to those of the distance. Where all solids are known along a ray, it takes a half
+to an eighth of the evaluations. CPU time of frames, 320x180, llvmpipe, least of 15 pairs: plates .53, columns .80,
+soft_shadows .87, smoothing .95, lights .99; csg, with a ratio of 6.5, 1.14."""
+
+
+def _whether_to_advance(scene: Scene, operations: int, advancing: Callable[[], Function]) -> tuple[str, str]:
+    """The tracer of a certified field: by how far rays are free, if that saves time."""
+    longer = "a step longer than the distance can be checked"
+    if scene.bouncing:
+        return "bracketing", f"{longer}, inside of solids too"
+    if operations > MOST_OPERATIONS or not readable(scene.node):
+        return "bracketing", f"{longer}; to tell how far a ray is free takes long to compile"
+    try:
+        needed = count_operations([advancing().body])
+    except OnlyDistance as unknown:
+        return "bracketing", f"{longer}; of {unknown.node.name} nothing but the distance is known along a ray"
+    ratio = needed / max(operations, 1)
+    cost = f"in {ratio:.1f} times the operations of the distance"
+    if ratio > DEAREST or needed > MOST_OPERATIONS:
+        return "bracketing", f"{longer}; how far a ray is free is known {cost}, which is more than it saves"
+    return "advance", f"how far a ray is free is known of all solids, {cost}"
 
 
 def _choose_schedule(
@@ -298,7 +332,7 @@ def choices(
 def _steps_of(scene: Scene, marching: Marching) -> dict[str, str]:
     """The modules of the steps of a ray: undone, plain, aimed at the surface, refining."""
     quality, found = scene.quality, dict[str, str]()
-    if marching.tracer != "bracketing":
+    if marching.tracer not in ("bracketing", "advance"):
         found["march/advance"] = "a step that may have passed a surface is undone"
     if quality.refinement != "proven":
         found[f"march/refine_{quality.refinement}"] = f"Quality(refinement={quality.refinement!r})"

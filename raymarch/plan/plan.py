@@ -213,7 +213,7 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
     @cached_property
     def advance(self) -> Function | None:
         """The function that tells how far a ray is free; None if the tracer does not ask it."""
-        return self.advancing() if self.marching.tracer == "advance" else None
+        return self.advancing(False) if self.marching.tracer == "advance" else None
 
     @cached_property
     def stretched(self) -> bool:

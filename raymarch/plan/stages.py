@@ -158,7 +158,8 @@ class FieldPlan:
     seen : the field of camera rays, if parts are hidden from some kind of ray.
     hidden : the kinds of rays that parts are hidden from. If there are any, `field` reads the kind of the ray.
     gathered, located : the objects that are rows, and their cells.
-    advancing : makes the function that tells how far a ray is free.
+    advancing : makes the function that tells how far a ray is free. With True, OnlyDistance is raised if a solid does
+        not know more of that than its distance.
     operations : of one evaluation. shapes : number of distinct shapes written as code.
     """
 
@@ -170,7 +171,7 @@ class FieldPlan:
     analytic: Analytic
     gathered: Gathered
     located: Sequence[Located]
-    advancing: Callable[[], Function]
+    advancing: Callable[[bool], Function]
     operations: int
     shapes: int
 
@@ -223,10 +224,10 @@ def fields_of(
     return found, lowering
 
 
-def _advance_of(solid: Node, closed: Analytic, lowering: Lowering, hoist: Hoisting) -> Function:
+def _advance_of(solid: Node, closed: Analytic, lowering: Lowering, hoist: Hoisting, wholly: bool) -> Function:
     """How far a ray through the marched solids is free."""
     root = analytic.marched_root(closed, solid) if closed.used else solid
-    return hoist(Advancing(lowering).function(root, "field_advance"))
+    return hoist(Advancing(lowering, wholly).function(root, "field_advance"))
 
 
 class _Lowered:
@@ -361,4 +362,6 @@ def marching_of(asked: Asked, fields: FieldPlan, size: tuple[int, int] | None) -
     closed, cells = fields.analytic, bool(fields.gathered.rows)
     marched = count_operations([closed.rest.body], turns=not cells) if closed.rest else fields.operations
     far = not all(node.facts.bounded for node in (closed.marched if closed.used else [asked.scene.node]))
-    return marching.choose(asked.scene, marched, size, asked.standalone, cells, closed.used, far)
+    some = bool(closed.marched) or not closed.used
+    ahead = partial(fields.advancing, True) if some else None
+    return marching.choose(asked.scene, marched, size, asked.standalone, cells, closed.used, far, ahead)

@@ -279,11 +279,24 @@ class _Scope:
         return kinds_of(part, self.kinds, is_concave_fold)[0].low >= 0.0
 
 
+class OnlyDistance(Exception):
+    """Raised for a tree with a node of which nothing but the distance is known along a ray."""
+
+    def __init__(self, node: Node) -> None:
+        super().__init__(node.name)
+        self.node = node
+
+
 @dataclass(slots=True)
 class Advancing:
-    """The reading of a tree of nodes. lowering : translates the values of what has no reading of its own."""
+    """The reading of a tree of nodes.
+
+    lowering : translates the values of what has no reading of its own. wholly : True to raise `OnlyDistance` for the
+    first node that has none.
+    """
 
     lowering: Lowering
+    wholly: bool = False
     _plain: dict[tuple[int, bool], Function] = field(default_factory=dict)
     _roots: list[Node] = field(default_factory=list)
 
@@ -306,18 +319,18 @@ class Advancing:
         if node.label is not None:
             return (yield replace(ask, node=node.children[0]))
         if rows_of(node) is not None and self.lowering.objects is not None:
-            return _in_box(ask, self._by_constant(ask, self._field(ask)(ask.point)))
+            return self._whole(ask)
         if not node.children:
             return self._shape(ask)
         if node.definition.name == "varied_cells" or find([ask.point], "cell"):
-            return _in_box(ask, self._by_constant(ask, self._field(ask)(ask.point)))
+            return self._whole(ask)
         scope = yield from self._scope(ask)
         body = _read(scope.template, ask.undivided)
         found = yield from self._part(scope, body, ask.negated)
         if found is None and is_convex(node) and not ask.negated:
             return self._tangent(ask, along(self._field(ask))(ask.point, ask.direction))
         if found is None:
-            return _in_box(ask, self._by_constant(ask, self._divided_value(ask, scope.actual[body])))
+            return self._whole(ask, self._divided_value(ask, scope.actual[body]))
         found = self._divided(ask, found)
         if scope.borders:
             found = _in_box(ask, _in_pieces(scope, body, found))
@@ -341,12 +354,13 @@ class Advancing:
             template = reading_of(node.definition.template(0, node.params), ask.undivided)
             pair = along(template)(ask.point, ask.direction, *_values(node))
             return self._tangent(ask, self._divided_value(ask, pair))
-        made = self._by_constant(ask, self._field(ask)(ask.point))
         if (way := _way_of_implicit(ask)) is not None:
+            made = self._by_constant(ask, self._field(ask)(ask.point))
             return _in_box(ask, Reading(made.value, made.line, way).beside(made.line))
         hull = None if ask.negated else hull_of(node)
-        if hull is None:
-            return _in_box(ask, made)
+        if hull is None or self.wholly:
+            return self._whole(ask)
+        made = self._by_constant(ask, self._field(ask)(ask.point))
         pair = self._divided_value(ask, along(hull)(ask.point, ask.direction, *_values(node)))
         return made.beside(Line(pair.x, pair.y))
 
@@ -356,9 +370,9 @@ class Advancing:
             return of_line(pair.x, Line(pair.x, pair.y))
         if ask.node.definition.name == "plane":
             return of_line(-pair.x, Line(-pair.x, -pair.y))
-        made = self._by_constant(ask, pair.x)
         if ask.node.definition.name not in EXITS:
-            return made
+            return self._whole(ask, pair.x)
+        made = self._by_constant(ask, pair.x)
         unit = ask.speed is ONE
         ends = interval_of_ray(ask.node, ask.point, ask.direction if unit else ask.direction / ask.speed)
         exit = ends.y if unit else ends.y / ask.speed
@@ -369,6 +383,12 @@ class Advancing:
             return way if level is ask.level else max(way, made.line.way(level, growth))
 
         return Reading(made.value, made.line, ahead)
+
+    def _whole(self, ask: Ask, value: Expr | None = None) -> Reading:
+        """The reading of a node of which nothing but its value, its Lipschitz constant and its box are known."""
+        if self.wholly:
+            raise OnlyDistance(ask.node)
+        return _in_box(ask, self._by_constant(ask, self._field(ask)(ask.point) if value is None else value))
 
     def _by_constant(self, ask: Ask, value: Expr) -> Reading:
         """The reading of a value, or of its negative if that is asked, by the Lipschitz constant alone."""

@@ -46,7 +46,7 @@ def way_to_integer(at: Expr, rate: Expr) -> Expr:
     where the number has left an integer by less than its rounding error: it may be read on either side of it."""
     inside = at - floor(at)
     left = where(rate < 0.0, inside, 1.0 - inside)
-    left = where(1.0 - left < ROUNDING * max(abs(at), 1.0), 0.0, left)
+    left = where((1.0 - left < ROUNDING * max(abs(at), 1.0)) & (abs(rate) > 0.0), 0.0, left)
     return min(left / max(abs(rate), STEEPEST), FARTHEST)
 
 

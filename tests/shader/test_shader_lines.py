@@ -159,13 +159,14 @@ def test_an_error_names_the_node_wherever_it_stands(renderer: rm.Renderer, monke
         assert refusal(renderer, whole.replace()).where == first.where
 
 
+@pytest.mark.parametrize(("function", "tracer"), [("lump", "bracketing"), ("lump_along", "advance")])
 def test_an_error_in_a_users_definition_names_the_expression_too(
-    renderer: rm.Renderer, monkeypatch: pytest.MonkeyPatch
+    function: str, tracer: str, renderer: rm.Renderer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    spoil(monkeypatch, "lump")
+    spoil(monkeypatch, function)
     node = lump(0.3)
-    fault = refusal(renderer, rm.Scene(rm.sphere(0.2) | node))
-    assert fault.where == node.where and f"made by lump, {__file__}:" in str(fault)
+    fault = refusal(renderer, rm.Scene(rm.sphere(0.2) | node, quality=rm.Quality(tracer=tracer)))
+    assert fault.where == node.where and f"made by {function}, {__file__}:" in str(fault)
 
 
 @pytest.mark.parametrize("helper", ["smooth_min", "rotate_field"])
