@@ -16,7 +16,7 @@ from raymarch.expr.operations import operations as count_operations
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
 from raymarch.sdf.advance import DEEPEST, OnlyDistance, implicit_nodes, readable
-from raymarch.sdf.levels import has_levels, may_touch
+from raymarch.sdf.levels import flatness, has_levels, may_touch
 
 MODULES = {"relaxed_again": "relaxed", "advance": "bracketing"}
 """Tracers whose module has a different name."""
@@ -190,7 +190,7 @@ def clipped(scene: Scene) -> bool:
 
 
 def _choose_tracer(scene: Scene, certified: bool, refines: bool) -> tuple[str, str]:
-    quality, asked, not_certain = scene.quality, scene.quality.tracer, scene.node.exactness == "estimate"
+    quality, asked = scene.quality, scene.quality.tracer
     if not certified:
         if asked in ("auto", "bracketing") and refines and not quality.shortened:
             return "bracketing", "the field is an estimate, so a step is at most a pixel longer than its value"
@@ -200,15 +200,29 @@ def _choose_tracer(scene: Scene, certified: bool, refines: bool) -> tuple[str, s
     if quality.shortened:
         return "plain", "Quality(step_scale=..., step_variation=...) shortens plain steps"
     if asked == "advance":
-        if not readable(scene.node):
-            deep = f"the tree has more than {DEEPEST} nodes one above the other"
-            return "bracketing", "an estimate does not tell how far a ray is free" if not_certain else deep
+        if (unreadable := _unreadable(scene)) is not None:
+            return "bracketing", unreadable
         return "advance", "Quality(tracer='advance')"
-    if asked == "auto" and readable(scene.node) and implicit_nodes(scene.node):
+    if asked == "auto" and _unreadable(scene) is None and implicit_nodes(scene.node):
         return "advance", "an implicit surface is known along stretches of a ray"
     if asked == "auto":
         return "bracketing", "the field is certified, so a step longer than the distance can be checked"
     return asked, f"Quality(tracer={asked!r})"
+
+
+FLATTEST = 16.0
+"""Largest ratio of a distance to its field for which float32 tells how far a ray is free."""
+
+
+def _unreadable(scene: Scene) -> str | None:
+    """Why the field does not tell how far a ray is free; None if it does."""
+    if scene.node.exactness == "estimate":
+        return "an estimate does not tell how far a ray is free"
+    if not readable(scene.node):
+        return f"the tree has more than {DEEPEST} nodes one above the other"
+    if flatness(scene.node) > FLATTEST:
+        return "the field is flat along some axis, and float32 does not tell how far a ray is free"
+    return None
 
 
 MOST_OPERATIONS = 600
@@ -225,7 +239,9 @@ def _whether_to_advance(scene: Scene, operations: int, advancing: Callable[[], F
     longer = "a step longer than the distance can be checked"
     if scene.bouncing:
         return "bracketing", f"{longer}, inside of solids too"
-    if operations > MOST_OPERATIONS or not readable(scene.node):
+    if (unreadable := _unreadable(scene)) is not None:
+        return "bracketing", f"{longer}; {unreadable}"
+    if operations > MOST_OPERATIONS:
         return "bracketing", f"{longer}; to tell how far a ray is free takes long to compile"
     try:
         needed = count_operations([advancing().body])

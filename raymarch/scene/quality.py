@@ -76,7 +76,7 @@ class Quality(Value):
     ----------
     tracer : marching algorithm of camera rays.
 
-        - "auto": the plan chooses.
+        - "auto": the plan chooses "advance" where all solids know it and it saves time, else "bracketing".
         - "plain": sphere tracing; each step is the distance (Hart 1996).
         - "relaxed": steps longer by `omega`, until one proves too long (Keinert et al. 2014).
         - "relaxed_again": as "relaxed", and relaxation resumes after a step that was too long.

@@ -181,8 +181,10 @@ def _evaluations(world: World, scene: rm.Scene) -> float:
     scene = scene.replace(quality=scene.quality.replace(analytic=False))
     ready = prepare(scene, ("color",), size)
     text = ready.texts["color"]
-    assert text.count("float field(vec3 p) {") == 1 and text.count("out_color = vec4(shade(") == 1
-    text = text.replace("float field(vec3 p) {", "int asked = 0;\nfloat field(vec3 p) {\n    asked++;")
+    signatures = ("float field(vec3 p) {", "vec2 field_advance(vec3 p, vec3 d, float level, float growth) {")
+    head = signatures[ready.plan.advance is not None]
+    assert text.count(head) == 1 and text.count("out_color = vec4(shade(") == 1
+    text = text.replace(head, f"int asked = 0;\n{head}\n    asked++;")
     text = text.replace("    out_color = vec4(shade(", "    vec4 shown = vec4(shade(")
     head, _, tail = text.rpartition("}")
     text = head + "    out_color = vec4(shown.rgb * 0.0 + float(asked), hit.found ? 1.0 : 0.0);\n}" + tail

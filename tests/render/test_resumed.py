@@ -66,7 +66,9 @@ def test_many_passes_draw_the_picture_of_one(
 
 @pytest.mark.parametrize("schedule", ["single", "cones"])
 def test_passes_keep_the_stretch_for_which_bounds_are_asked(renderer: Renderer, schedule: str) -> None:
-    heart = rm.implicit(lambda p: (rm.dot(p, p) - 1) ** 3 - p.x**2 * p.y**3 + 0.1 * p.z**2, bounds=((-2,) * 3, (2,) * 3))
+    heart = rm.implicit(
+        lambda p: (rm.dot(p, p) - 1) ** 3 - p.x**2 * p.y**3 + 0.1 * p.z**2, bounds=((-2,) * 3, (2,) * 3)
+    )
     given = scene(tracer="advance", schedule=schedule).replace(node=heart | rm.plane(offset=-1.5))
     whole = renderer.render(given, outputs=("depth", "residual"))
     split = given.replace(quality=given.quality.replace(steps_per_pass=4))

@@ -23,7 +23,7 @@ float hard_shadow(Surface surface, Light light) {
 #endif
     for (int i = 0; i < shadow_steps; i++) {
 #ifdef CUTS
-        float noise = rounding(ray, at.t);
+        float noise = noise_of(ray, at.t);
         bool doubtful = in_doubt(at);
         bool first = !doubtful && at.r <= noise;
         float z = doubtful ? doubt_step(at, near + noise, 1.0e30) : first ? near + noise : step_length(at, range.y);

@@ -1,8 +1,7 @@
 // How far a ray, or all rays of a cone, are free from t on.
 float march_distance(Ray ray, float t) {
 #ifdef CONE
-    vec3 size = abs(ray.origin);
-    float level = 2.0 * GROWTH * (max(size.x, max(size.y, size.z)) + t) + u_cone * t;
+    float level = rounding(ray, t) + u_cone * t;
 #ifdef WIDE_CONE
     level += u_cone_start;
 #endif

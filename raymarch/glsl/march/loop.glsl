@@ -42,7 +42,7 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
         float further = aiming ? 0.0 : further_step(at, search, leap);
         if (!aiming && further == 0.0) leap = 0.0;
 #ifdef CUTS
-        float noise = rounding(ray, at.t);
+        float noise = noise_of(ray, at.t);
         search = max(search, 2.0 * GROWTH * at.t);  // a flat field may be smaller than the ulp of t
         leap = max(leap, 4.0 * GROWTH * at.t);
         float depth = max(0.7 * touch + noise, 0.0);

@@ -5,13 +5,11 @@
 // on behind the membrane.
 // In doubt, (t, r) is the last sample before the surface, (-kept_t, kept_r) the one behind it, and last_derivative the
 // rate. It is positive once the field has risen, and `derivative` is then the number of samples left.
-float rounding(Ray ray, float t) {
+float noise_of(Ray ray, float t) {
 #ifdef CONE
     return -1.0e30;  // a cone stops before the surface, so it is never in doubt
 #endif
-    vec3 size = abs(ray.origin);
-    float ulps = 2.0 * GROWTH * (max(size.x, max(size.y, size.z)) + t);  // of the largest coordinate
-    return min(16.0 * contact_share, 1.0) * ulps;
+    return rounding(ray, t);
 }
 
 bool in_doubt(March at) {

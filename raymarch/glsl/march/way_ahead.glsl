@@ -19,9 +19,7 @@ float way_below_level(Ray ray, float t, float width) {
 #ifdef STRETCH
     return 0.0;  // a solid with bounds on a stretch ends its rays at the surface itself
 #else
-    vec3 size = abs(ray.origin);
-    float level = 2.0 * GROWTH * (max(size.x, max(size.y, size.z)) + t);
-    return min(level / max(approach, 1.0e-6), 0.25 * width);
+    return min(rounding(ray, t) / max(approach, 1.0e-6), 0.25 * width);
 #endif
 }
 
@@ -30,8 +28,7 @@ float way_ahead(Ray ray, float t, float side, bool inside) {
 #else
 float way_ahead(Ray ray, float t, float side) {
 #endif
-    vec3 size = abs(ray.origin);
-    float level = 2.0 * GROWTH * (max(size.x, max(size.y, size.z)) + t);  // 2 ulp of the largest coordinate
+    float level = rounding(ray, t);
     vec3 p = ray.origin + t * ray.direction;
     vec2 found = field_advance(p, ray.direction, level, SLOPE_ERROR);
 #ifdef ANALYTIC

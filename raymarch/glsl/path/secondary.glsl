@@ -24,7 +24,7 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
 #endif
     for (int i = 0; i < secondary_steps; i++) {
 #ifdef CUTS
-        float noise = rounding(ray, at.t);
+        float noise = noise_of(ray, at.t);
         bool doubtful = in_doubt(at);
         bool first = !doubtful && at.r <= noise;
         float depth = contact(ray.origin + at.t * ray.direction, travelled + at.t);

@@ -1,0 +1,47 @@
+"""Which scenes are marched by how far rays are free, by default."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import raymarch as rm
+from raymarch.plan import plan
+from raymarch.scene import load
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.mark.parametrize("name", ["columns", "showcase/plates", "papers/lights", "papers/smoothing"])
+def test_scenes_whose_solids_are_all_known_along_rays_take_it(name: str) -> None:
+    marching = plan(load(EXAMPLES / f"{name}.py"), size=(320, 180)).marching
+    assert marching.tracer == "advance" and "times the operations of the distance" in marching.tracer_reason
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("csg", "more than it saves"),
+        ("village", "takes long to compile"),
+        ("papers/frosted", "inside of solids too"),
+        ("papers/carpet", "of heightmap nothing but the distance"),
+        ("large/city", "of repeat_varied nothing but the distance"),
+        ("showcase/lake", "inside of solids too"),
+    ],
+)
+def test_scenes_that_lose_time_by_it_do_not(name: str, why: str) -> None:
+    marching = plan(load(EXAMPLES / f"{name}.py"), size=(320, 180)).marching
+    assert marching.tracer == "bracketing" and why in marching.tracer_reason
+
+
+def test_flat_fields_are_marched_by_distance() -> None:
+    """An ellipsoid a millionth as high as wide: its values are smaller than their rounding error far from it."""
+    scene = rm.Scene(rm.sphere().scale((1, 1e-6, 1)), quality=rm.Quality(analytic=False))
+    for tracer in ("auto", "advance"):
+        marching = plan(scene.replace(quality=scene.quality.replace(tracer=tracer))).marching
+        assert marching.tracer == "bracketing" and "flat" in marching.tracer_reason
+
+
+def test_a_scene_without_marched_solids_asks_nothing() -> None:
+    assert plan(rm.Scene(rm.sphere() | rm.plane(offset=-1))).marching.tracer == "bracketing"
