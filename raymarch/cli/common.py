@@ -193,14 +193,13 @@ def _open_closed_streams() -> None:
 
 def _reader_is_gone(output: int) -> bool:
     """True if the output is a pipe without a reader."""
-    try:
-        if not stat.S_ISFIFO(os.fstat(output).st_mode):
-            return False
-        watch = select.poll()
-        watch.register(output, select.POLLOUT)
-        return any(event & (select.POLLERR | select.POLLHUP) for _, event in watch.poll(0))
-    except (OSError, AttributeError):
-        return False
+    if sys.platform != "win32":
+        with suppress(OSError, AttributeError):
+            if stat.S_ISFIFO(os.fstat(output).st_mode):
+                watch = select.poll()
+                watch.register(output, select.POLLOUT)
+                return any(event & (select.POLLERR | select.POLLHUP) for _, event in watch.poll(0))
+    return False
 
 
 def _forget_output() -> None:

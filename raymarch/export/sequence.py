@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -25,10 +26,8 @@ from raymarch.plan import plan
 from raymarch.scene.parameter import ParamValue
 from raymarch.scene.scene import Scene
 
-try:
+if sys.platform != "win32":
     import fcntl
-except ImportError:  # Windows
-    fcntl = None  # type: ignore[assignment]
 
 LARGE, LONG = 1 << 24, 1 << 14
 """Pictures with more pixels or a longer edge are drawn in tiles, each of which is a file until all are drawn."""
@@ -153,7 +152,7 @@ class Parts:
     def __enter__(self) -> Self:
         try:
             self.folder.mkdir(exist_ok=True)
-            if fcntl is not None:
+            if sys.platform != "win32":  # which cannot open a folder
                 self._handle = os.open(self.folder, os.O_RDONLY)
                 _lock(self._handle)
             for left in self.folder.glob(f"{UNFINISHED}*"):  # of a command that was killed
@@ -202,12 +201,13 @@ class Parts:
 
 def _lock(handle: int) -> None:
     """Lock a file until its handle is closed. BlockingIOError if another handle has locked it."""
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise
-    except OSError:
-        pass  # a file system without locks
+    if sys.platform != "win32":
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise
+        except OSError:
+            pass  # a file system without locks
 
 
 def _remove(files: Iterable[Path]) -> None:

@@ -210,10 +210,14 @@ def _asker() -> Any:
     if sys.platform == "win32":
         find = ctypes.WinDLL("kernel32").GetModuleHandleW
         find.restype, find.argtypes = ctypes.c_void_p, [ctypes.c_wchar_p]
-        return find
-    opener = ctypes.CDLL(None).dlopen
-    opener.restype, opener.argtypes = ctypes.c_void_p, [ctypes.c_char_p, ctypes.c_int]
-    return lambda file: opener(file.encode(), os.RTLD_NOLOAD | os.RTLD_LAZY)
+    else:
+        opener = ctypes.CDLL(None).dlopen
+        opener.restype, opener.argtypes = ctypes.c_void_p, [ctypes.c_char_p, ctypes.c_int]
+
+        def find(file: str) -> Any:
+            return opener(file.encode(), os.RTLD_NOLOAD | os.RTLD_LAZY)
+
+    return find
 
 
 _in_memory = _asker()

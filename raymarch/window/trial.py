@@ -39,8 +39,6 @@ from raymarch.window.pace import scaled
 from raymarch.window.sent import packed, unpacked
 from raymarch.window.shot import progressive
 
-LINUX = sys.platform.startswith("linux")
-
 SIZE = (96, 58)
 """Scale of the picture that warms the driver's cache; `raymarch.window.pace` chooses its edges."""
 
@@ -70,6 +68,14 @@ def serve(forks: bool) -> None:
             say({"id": request["id"], "pid": os.getpid()})
             examine(request, say)
             return
+        if sys.platform != "win32":
+            _examine_in_fork(request, say)
+
+
+if sys.platform != "win32":
+
+    def _examine_in_fork(request: Answer, say: Callable[[Answer], None]) -> None:
+        """Answer a request in a child, whose end is an answer, too."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # that libraries run threads; none of them holds a lock that a trial needs
             parent = os.getpid()
@@ -83,8 +89,7 @@ def serve(forks: bool) -> None:
                 examine(request, say)
                 code = 0
             finally:
-                out.flush()
-                os._exit(code)
+                os._exit(code)  # each answer was flushed
         say({"id": request["id"], "pid": child})
         status = os.waitpid(child, 0)[1]
         say({"id": request["id"], "ended": os.waitstatus_to_exitcode(status)})
@@ -92,7 +97,7 @@ def serve(forks: bool) -> None:
 
 def _die_with_parent() -> None:
     """On Linux, kill this process when its parent dies, even if a scene file hangs."""
-    if LINUX:
+    if sys.platform == "linux":
         with contextlib.suppress(OSError, AttributeError):
             ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
 
@@ -107,7 +112,7 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
     """
     number, scene = request["id"], request["scene"]
     sys.stdin = open(os.devnull)  # noqa: SIM115 - the requests are not for the scene file
-    if request.get("trace"):
+    if sys.platform != "win32" and request.get("trace"):
         trace = open(request["trace"], "a")  # noqa: SIM115  (stays open for the signal)
         faulthandler.register(signal.SIGUSR1, trace, all_threads=False)
     say({"id": number, "begun": True})
@@ -210,19 +215,19 @@ def _timed(times: dict[str, float], name: str) -> Iterator[None]:
 @contextlib.contextmanager
 def _limited_memory() -> Iterator[None]:
     """Limit memory while a scene file runs; the compiler afterwards has no limit."""
-    if not LINUX:
+    if sys.platform != "linux":
         yield
-        return
-    import resource
+    else:
+        import resource
 
-    most = int(MEMORY_SHARE * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
-    before = resource.getrlimit(resource.RLIMIT_DATA)
-    hard = before[1]
-    resource.setrlimit(resource.RLIMIT_DATA, (most if hard < 0 else min(most, hard), hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_DATA, before)
+        most = int(MEMORY_SHARE * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+        before = resource.getrlimit(resource.RLIMIT_DATA)
+        hard = before[1]
+        resource.setrlimit(resource.RLIMIT_DATA, (most if hard < 0 else min(most, hard), hard))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_DATA, before)
 
 
 if __name__ == "__main__":

@@ -117,11 +117,12 @@ class Trials:
         if not self._forks:
             self._reap()
             return
-        with contextlib.suppress(OSError, IndexError, ValueError):
-            # The process ID of a finished trial may belong to another process now.
-            parent = int(Path(f"/proc/{child}/stat").read_text().rpartition(")")[2].split()[1])
-            if parent == self._process.pid:
-                os.kill(child, signal.SIGKILL)
+        if sys.platform != "win32":
+            with contextlib.suppress(OSError, IndexError, ValueError):
+                # The process ID of a finished trial may belong to another process now.
+                parent = int(Path(f"/proc/{child}/stat").read_text().rpartition(")")[2].split()[1])
+                if parent == self._process.pid:
+                    os.kill(child, signal.SIGKILL)
 
     def _ask(self, request: Answer) -> None:
         for _ in range(2):
