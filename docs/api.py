@@ -20,7 +20,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         *("value_noise", "gradient_noise", "worley", "fbm", "turbulence", "ridged"),
         *("hash", "colormap"),
     ),
-    "Your own parts": ("shape", "operator", "Node", "Light", "DirectionSample", "Texture"),
+    "Your own parts": ("shape", "operator", "Node", "DirectionSample", "Texture"),
     "Errors": tuple(errors.__all__),
 }
 """Headings, and the public names below each."""

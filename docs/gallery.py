@@ -10,6 +10,7 @@ A picture that is the same to the eye keeps its file.
 
 from __future__ import annotations
 
+import difflib
 import json
 import sys
 from pathlib import Path
@@ -218,14 +219,21 @@ def page(counts: dict[str, dict[str, Any]]) -> str:
     return "\n".join(text) + "\n"
 
 
+def changed(before: str, after: str) -> str:
+    """The lines of a step that differ from those of the step before, with one line around them."""
+    lines = difflib.unified_diff(before.strip().splitlines(), after.strip().splitlines(), n=1, lineterm="")
+    return "\n".join("..." if line.startswith("@@") else line for line in list(lines)[2:]).removeprefix("...\n")
+
+
 def tutorial(counts: dict[str, dict[str, Any]]) -> str:
     """The text of docs/tutorial.md."""
     text = [
         "# Tutorial: from a sphere to glass on a carpet",
         "",
         "After this page you can write a scene with solids of your own, materials, lights, a sky, parameters, data and",
-        "glass. Each of the ten steps is a complete file of `docs/tutorial`. Keep one open in the window while you",
-        "read, and edit it: the window reloads the file when you save it.",
+        "glass. Each of the ten steps is a complete file of `docs/tutorial`; after the first, the page shows the lines",
+        "that change, with `+` and `-`. Keep one open in the window while you read, and edit it: the window reloads",
+        "the file when you save it.",
         "",
         "```sh",
         "raymarch view docs/tutorial/01_sphere.py",
@@ -233,6 +241,7 @@ def tutorial(counts: dict[str, dict[str, Any]]) -> str:
         "",
         "Below each picture is its cost: the evaluations of the field per pixel, counted by the shader.",
     ]
+    before = ""
     for number, file in enumerate(steps(), 1):
         words, code = docstring(file)
         title, _, rest = words.partition("\n\n")
@@ -243,12 +252,13 @@ def tutorial(counts: dict[str, dict[str, Any]]) -> str:
             "",
             rest.strip(),
             "",
-            f"```python\n{code.rstrip()}\n```",
+            f"```python\n{code.rstrip()}\n```" if not before else f"```diff\n{changed(before, code)}\n```",
             "",
             f"![step {number}: {title[0].lower()}{title[1:]}](pictures/gallery/{name_of(file)}.png)",
             "",
             f"`{command(file)}`: {cost(count)}; {count['plan']['bytes'] / 1000:.0f} kB of shader.",
         ]
+        before = code
     text += [
         "",
         "## Next",

@@ -85,12 +85,30 @@ def sources(*names: str) -> Iterator[tuple[str, bytes]]:
         yield from walk(resources.files("raymarch").joinpath(name))
 
 
+EXTRAS = {
+    "cluster": "distributed cryptography",
+    "exr": "OpenEXR",
+    "jupyter": "anywidget",
+    "mesh": "trimesh charset-normalizer rtree scipy",
+    "report": "jinja2 matplotlib",
+    "tiff": "tifffile",
+    "video": "av",
+    "view": "imgui-bundle PyOpenGL",
+}
+"""The packages of each extra of pyproject.toml, for messages: an extra can only be installed from a clone."""
+
+
+def install(extra: str) -> str:
+    """The command that installs the packages of an extra."""
+    return f"pip install {EXTRAS[extra]}"
+
+
 def import_optional(what: str, name: str, extra: str, error: type[RaymarchError] = SceneError) -> Any:
     """An optional package. `error`, with what needs it and the command to install it, if it is missing."""
     try:
         return importlib.import_module(name)
     except ImportError:
-        raise error(f"{what} needs the package {name}", legal=f"pip install 'raymarch[{extra}]'") from None
+        raise error(f"{what} needs the package {name}", legal=install(extra)) from None
 
 
 def write(file: Path, writer: Callable[[Path], object], error: type[RaymarchError] = SceneError) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from PIL import Image, ImageChops
 
 from raymarch.errors import SceneError
+from raymarch.files import install
 
 CODECS: Mapping[str, tuple[str, str, Mapping[str, str]]] = {
     ".mp4": ("mp4", "libx264", {"crf": "16", "preset": "medium", "threads": "1"}),
@@ -43,7 +44,7 @@ def check_film(file: Path, size: tuple[int, int], fps: float) -> None:
     try:
         import av
     except ImportError:
-        raise SceneError(f"'{file}' needs the package av", legal="pip install 'raymarch[video]', or .gif") from None
+        raise SceneError(f"'{file}' needs the package av", legal=f"{install('video')}, or .gif") from None
     if size[0] % 2 or size[1] % 2:
         raise SceneError(f"{size[0]}x{size[1]} for a {suffix} film", legal="even width and height, or .gif")
     if CODECS[suffix][1] not in av.codecs_available:

@@ -10,6 +10,7 @@ from typing import Any
 from PIL.Image import Image
 
 from raymarch.errors import PlanError, UnknownNameError
+from raymarch.files import install
 from raymarch.gpu import frame
 from raymarch.gpu.renderer import render
 from raymarch.scene.parameter import Values
@@ -56,7 +57,7 @@ class Live:
     def __getattr__(self, name: str) -> Any:
         if name in ("params", "time", "playing", "view", "orbit", "pan", "observe", "render"):
             why = "needs the package anywidget" if in_notebook() else "is that of a widget in a notebook; this is none"
-            legal = "pip install 'raymarch[jupyter]', or rm.render(scene, params=...)"
+            legal = f"{install('jupyter')}, or rm.render(scene, params=...)"
             raise UnknownNameError(f"show: {name} {why}", legal=legal)
         raise AttributeError(name)  # what Python and its tools look for
 

@@ -1,6 +1,6 @@
 """Picture files, as linear RGB or as stored: Radiance, OpenEXR, and formats that Pillow reads.
 
-OpenEXR files need the package OpenEXR (`pip install 'raymarch[exr]'`).
+OpenEXR files need the package OpenEXR (`pip install OpenEXR`).
 """
 
 from __future__ import annotations

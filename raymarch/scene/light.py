@@ -512,8 +512,9 @@ class SphereLight(PointLight):
     ----------
     position : centre of the sphere, (x, y, z) in scene units.
     radius : of the sphere, > 0. Its shadow is as soft as that of a sphere of this size.
-    color, intensity, shadow, penumbra, range, shadow_radius, attenuation : see `PointLight`. `intensity` is the
-        brightness at distance 1 from the centre.
+    color : see `Light`.
+    intensity : brightness at distance 1 from the centre, >= 0.
+    shadow, penumbra, range, shadow_radius, attenuation : see `PointLight`.
     visible : whether camera rays, mirrors and refraction show the sphere, with a radiance of intensity / radius^2. It
         needs no node, and casts no shadow. In scenes with bounces, its shadow is sampled, whatever its `penumbra`.
 
@@ -588,7 +589,9 @@ class RectLight(Light):
     width, height : edges of the rectangle, > 0.
     direction : direction in which it shines, any length but 0.
     up : direction of its height, any length but 0, not parallel to `direction`. None for y, or z if it shines along y.
-    color, intensity, shadow : see `Light`. `intensity` is the brightness at distance 1 from a small rectangle.
+    color : see `Light`.
+    intensity : brightness at distance 1 from a small rectangle, >= 0.
+    shadow : see `Light`.
     range : distance from a point of the rectangle beyond which it lights nothing; see `PointLight`.
     visible : whether camera rays, mirrors and refraction show the side that shines, with a radiance of
         pi * intensity / (width * height). It needs no node, and casts no shadow. The other side is never seen.

@@ -16,7 +16,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from raymarch.errors import SceneError
-from raymarch.files import reading
+from raymarch.files import install, reading
 
 LEGAL = "a mesh file that trimesh reads: STL, OBJ, PLY, GLB, ..."
 
@@ -69,7 +69,7 @@ def read_mesh(file: Path, content: bytes, beside: Beside) -> Any:
     try:
         import trimesh
     except ImportError:
-        raise SceneError("mesh needs the package trimesh", legal="pip install 'raymarch[mesh]'") from None
+        raise SceneError("mesh needs the package trimesh", legal=install("mesh")) from None
     with reading("mesh", file, LEGAL), np.errstate(all="ignore"):
         _check_archive(file, content)
         kind = file.suffix.lower().removeprefix(".")

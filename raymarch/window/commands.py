@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from raymarch.errors import RaymarchError, SceneError
-from raymarch.files import written
+from raymarch.files import install, written
 from raymarch.gpu.views import VIEWS
 from raymarch.window import control
 from raymarch.window.accuracy import next_stop
@@ -44,7 +44,7 @@ STEP = 0.02
 SECONDS = 2.0
 """Length of a saved sequence in seconds if no loop is set."""
 
-HINT = "pip install 'raymarch[view]' for the panel with sliders and editors"
+HINT = f"{install('view')} for the panel with sliders and editors"
 
 # The camera
 

@@ -348,7 +348,7 @@ def test_without_the_package_of_exr_nothing_is_drawn_and_the_file_is_named(folde
     monkeypatch.setitem(sys.modules, "OpenEXR", None)
     monkeypatch.setattr("raymarch.cli.render.Renderer", lambda *_: pytest.fail("it was drawn"))
     assert run("render", "hello.py", "-o", "a.exr", "--size", "16x9") == 2
-    assert "'a.exr' needs the package OpenEXR (pip install 'raymarch[exr]')" in capsys.readouterr().err
+    assert "'a.exr' needs the package OpenEXR (pip install OpenEXR)" in capsys.readouterr().err
     assert files(folder) == {"hello.py"}
 
 

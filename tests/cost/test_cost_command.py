@@ -85,7 +85,7 @@ def test_plot_and_report(folder):
 def test_without_matplotlib_nothing_is_measured_in_vain(folder, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert run("hello.py", *QUICK, "--plot", "a.png") == 2
-    assert "raymarch[report]" in " ".join(capsys.readouterr().err.split())
+    assert "pip install jinja2 matplotlib" in " ".join(capsys.readouterr().err.split())
     assert files(folder) == {"hello.py"}
 
 

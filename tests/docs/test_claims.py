@@ -1,4 +1,4 @@
-"""The figures of the README and of the first page of the site are those of the ledger and of the code."""
+"""The figures of the README are those of the ledger and of the code. The first page of the site has none."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 from raymarch.sdf.definition import REGISTRY
 from tests.docs.test_docs import ROOT
 
-PAGES = {"README.md": ROOT / "README.md", "index.md": ROOT / "docs" / "index.md"}
+PAGES = {"README.md": ROOT / "README.md"}
 NUMBERS = "no one two three four five six seven eight nine ten eleven twelve".split()
 
 
@@ -38,3 +38,8 @@ def test_a_shape_takes_so_many_lines(page: str) -> None:
     lines = statistics.median(sum(bool(line.strip()) for line in source.splitlines()) for source in sources)
     assert len(sources) >= 80
     assert claim(page, f"{lines:.0f} lines").startswith(f"Median length of the {len(sources)} shapes")
+
+
+def test_the_first_page_of_the_site_claims_no_figure() -> None:
+    text = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    assert not re.findall(r"\d", re.sub(r"```.*?```|\(.*?\)|SDFs?|float64", "", text, flags=re.DOTALL))

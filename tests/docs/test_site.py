@@ -11,13 +11,16 @@ import sys
 import tomllib
 import warnings
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
 import raymarch as rm
+from raymarch import files
 from raymarch.cli.commands import COMMANDS, load
 from raymarch.errors import RaymarchError
+from tests.lab.words import WAY, parts, words
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -82,6 +85,45 @@ def test_a_page_begins_with_what_its_reader_can_do(page: Path) -> None:
 def test_the_navigation_has_every_page_once() -> None:
     named = re.findall(r": ([\w-]+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE)
     assert sorted(named) == sorted(page.name for page in PAGES[1:])
+
+
+def test_a_newcomer_comes_to_glass_within_3000_words() -> None:
+    for page, following in pairwise(WAY):
+        assert f"({following})" in prose(DOCS / page)
+    last = sorted((DOCS / "tutorial").glob("*.py"))[-1].read_text(encoding="utf-8")
+    assert "transmission=" in last and "transmission=" in (DOCS / WAY[-1]).read_text(encoding="utf-8")
+    assert sum(map(words, WAY)) <= 3000
+
+
+def test_proofs_and_experiments_stand_in_the_last_part() -> None:
+    titles = list(parts())
+    first = ["Overview: index.md", "First steps", "Scenes", "Light and camera", "Window", "Films and exports"]
+    assert titles == [*first, "Accuracy in brief", "Development"]
+    assert {"proofs.md", "stability.md", "accuracy.md", "theory.md", "marching.md"} <= set(parts()["Development"])
+
+
+def test_no_sentence_stands_on_two_pages() -> None:
+    """Sentences of twelve words or more; the README is the first page of the repository, index.md that of the site."""
+    seen: dict[str, set[str]] = {}
+    for page in PAGES[1:]:
+        for sentence in re.split(r"(?<=[.:]) |\n\s*\n|\n(?=[-|*] )", prose(page)):
+            plain = " ".join(re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", sentence).split())
+            if len(plain.split()) >= 12:
+                seen.setdefault(plain, set()).add(page.name)
+    assert not {sentence: pages for sentence, pages in seen.items() if len(pages) > 1}
+
+
+def test_extras_are_installed_by_their_packages() -> None:
+    """No package of this name is published, so messages name the packages of an extra."""
+    for extra, packages in files.EXTRAS.items():
+        assert packages.split() == [re.match(r"[\w.-]+", each)[0] for each in EXTRAS[extra]]  # type: ignore[index]
+    texts = [
+        page.read_text(encoding="utf-8")
+        for folder in ("raymarch", "docs")
+        for page in (ROOT / folder).rglob("*.*")
+        if page.suffix in (".py", ".md")
+    ]
+    assert not [text for text in texts if "install 'raymarch[" in text]
 
 
 def test_the_readme_leads_to_every_page() -> None:
@@ -161,7 +203,7 @@ def test_the_commands_of_shell_blocks_exist() -> None:
         "raymarch render examples/helo.py",
         "python -m tests.lab.nothing",
         "bash tests/walk.sh",
-        "pip install 'raymarch[views]'",
+        "pip install '.[views]'",
     ],
 )
 def test_a_wrong_command_is_found(line: str) -> None:

@@ -107,7 +107,7 @@ def extreme_sizes(world: World) -> Iterator[Figure]:
         (refused(rm.box((1e20, 1e20, 1e20)).repeat((3e20, None, None))), far),
         (refused(rm.plane(offset=1e20), rm.Camera((0, 0, 0), (0, 0, -1))), far),
         (refused(rm.sphere(1e9).translate((0, -1e9, 0)), rm.Camera((0, 1, 0), (3, 0, 0))), near),
-        what="drawn, or refused without the reason",
+        what="scenes that are not refused with their reason",
     )
     small = [rm.Scene(rm.sphere() | rm.sphere(1e-30).translate((2, 0, 0))), rm.Scene(rm.plane())]
     wrong = sum(_is_refused(scene) for scene in [*small, rm.Scene(rm.sphere(rm.Param("radius", 1, 1e-30, 1e3)))])

@@ -109,7 +109,7 @@ class World:
 
 
 def refusals(
-    *calls: tuple[Callable[[], Any], Sequence[str]], what: str = "accepted, or refused without the reason"
+    *calls: tuple[Callable[[], Any], Sequence[str]], what: str = "illegal calls that are not refused with their reason"
 ) -> Figure:
     """Calls that must be refused with words in the message: what, the value, the legal range, and the caller's line."""
     wrong = 0

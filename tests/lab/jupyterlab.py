@@ -1,6 +1,6 @@
 """The widget of `rm.show` in a real JupyterLab, by real events: python -m tests.lab.jupyterlab [PYTHON] [PICTURE.png].
 
-PYTHON is an interpreter with jupyterlab and `raymarch[jupyter]`. Needs Chromium. Ends with code 1 if a step fails.
+PYTHON is an interpreter with jupyterlab and the extra `jupyter`. Needs Chromium. Ends with code 1 if a step fails.
 """
 
 from __future__ import annotations

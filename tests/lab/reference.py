@@ -2,7 +2,7 @@
 
 python -m tests.lab.reference [WIDTH [BATCHES [SAMPLES]]]
 
-Needs `pip install 'raymarch[reference]'` and scipy. Geometry is a floor and balls. The first picture of ours is of the
+Needs `pip install mitsuba scipy`. Geometry is a floor and balls. The first picture of ours is of the
 pixels' middles, Mitsuba's are means over them, so single pixels differ at edges. Then both are drawn in independent
 batches, as means over the pixel, and each pixel's difference is tested against its noise (`tests.lab.ztest`).
 Brightness: our intensities are times pi in physical units.

@@ -2,7 +2,7 @@
 
 python -m tests.lab.rooms [NAME ... | all] [--sizes 16,32,64] [--paths N] [--shows FILE.png]
 
-Needs `pip install 'raymarch[reference]'` and scipy. Thirty scenes are drawn at random: ten outside, with lights of some
+Needs `pip install mitsuba scipy`. Thirty scenes are drawn at random: ten outside, with lights of some
 size that stand free, touch and cut solids, ten rooms, and ten of plates as thin as a hundredth of the scene. All
 surfaces are diffuse, and all lights are visible. Both renderers draw independent batches, and each pixel and the mean
 of the picture are tested against their noise (`tests.lab.ztest`). `--paths` is the number of paths of each picture.

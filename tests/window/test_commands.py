@@ -361,7 +361,7 @@ def test_other_keys_ask_the_main_loop() -> None:
     press(model, "f5", "escape", "tab")
     press(model, "q", control=True)
     assert list(model.requests) == [Open(), Interrupt(), Close()]
-    assert "pip install 'raymarch[view]'" in text_of(model)  # there is no panel
+    assert "pip install imgui-bundle" in text_of(model)  # there is no panel
     model.panel = False
     press(model, "tab", "h")
     assert model.panel and messages_of(model, 0.0)[0].corner == "middle" and "wheel" in text_of(model)
