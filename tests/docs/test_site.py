@@ -97,7 +97,7 @@ def test_a_newcomer_comes_to_glass_within_3000_words() -> None:
 
 def test_proofs_and_experiments_stand_in_the_last_part() -> None:
     titles = list(parts())
-    first = ["Overview: index.md", "First steps", "Scenes", "Light and camera", "Window", "Films and exports"]
+    first = ["index.md", "First steps", "Scenes", "Light and camera", "Window", "Films and exports"]
     assert titles == [*first, "Accuracy in brief", "Development"]
     assert {"proofs.md", "stability.md", "accuracy.md", "theory.md", "marching.md"} <= set(parts()["Development"])
 
