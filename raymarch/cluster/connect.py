@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import atexit
 import logging
 import os
 import re
-from collections.abc import Iterator
+import signal
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from multiprocessing import resource_tracker
 from typing import Any
 
 from raymarch.errors import ClusterError
@@ -20,6 +23,9 @@ FAILURES = 10
 
 Dask counts a death for all tasks that were assigned to the worker, not only for the one that it ran. Its default is 3.
 """
+
+START, STARTS = 300.0, 3
+"""Seconds that a local worker may take to start, and times that a local cluster is started if one of them dies."""
 
 LOGGERS = ("distributed", "tornado", "bokeh", "asyncio")
 """How the names of loggers begin that tell of Dask; some have levels of their own."""
@@ -78,20 +84,65 @@ def _local(distributed: Any, number: int, timeout: float) -> Iterator[Any]:
         "distributed.scheduler.worker-ttl": f"{timeout:g}s",  # a hung worker is replaced
         "distributed.admin.tick.limit": "1h",  # a draw blocks a worker's event loop
     }
+    options = {
+        "n_workers": number,
+        "threads_per_worker": 1,
+        "dashboard_address": "localhost:0",
+        "silence_logs": logging.CRITICAL,
+        "security": distributed.Security.temporary(),  # others on this machine could run code as its user
+        "env": {"LP_NUM_THREADS": os.environ.get("LP_NUM_THREADS", str(threads))},
+        "death_timeout": START,
+    }
     with (
         _quiet(),
         dask.config.set(settings),
-        distributed.LocalCluster(
-            n_workers=number,
-            threads_per_worker=1,
-            dashboard_address="localhost:0",
-            silence_logs=logging.CRITICAL,
-            security=distributed.Security.temporary(),  # others on this machine could run code as its user
-            env={"LP_NUM_THREADS": os.environ.get("LP_NUM_THREADS", str(threads))},
-        ) as cluster,
+        _loop() as loop,
+        _started(distributed.LocalCluster, {**options, "loop": loop}) as cluster,
         distributed.Client(cluster, set_as_default=False, direct_to_workers=True) as client,
     ):
         yield client
+
+
+@contextmanager
+def _loop() -> Iterator[Any]:
+    """An event loop whose thread blocks SIGINT, and with it the processes that it starts.
+
+    Ctrl+C reaches all processes of a terminal. The command handles it, and ends the workers.
+    """
+    from distributed.utils import LoopRunner
+
+    runner, before = LoopRunner(asynchronous=False), None
+    if hasattr(signal, "pthread_sigmask"):
+        resource_tracker.ensure_running()  # which Python would start in that thread, and unblock signals there
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        runner.start()
+    finally:
+        if before is not None:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    try:
+        yield runner.loop
+    finally:
+        runner.stop()
+
+
+def _started(kind: Any, options: Mapping[str, Any]) -> Any:
+    """A local cluster, all of whose workers have started. ClusterError if one dies each time."""
+    for left in reversed(range(STARTS)):
+        try:
+            return kind(**options)
+        except Exception as fault:  # Dask raises errors of many kinds here
+            if not left:
+                cause = fault.__cause__ or fault
+                reason = " ".join(str(cause).split()) or type(cause).__name__
+                raise ClusterError(f"the workers do not start: {reason}", legal="raymarch doctor") from fault
+        except KeyboardInterrupt:
+            # Dask would close it at exit, which fails for a cluster that is not whole. Its processes end with this one.
+            from distributed.deploy import spec
+
+            atexit.unregister(spec.close_clusters)
+            raise
+    raise AssertionError
 
 
 @contextmanager
@@ -104,6 +155,9 @@ def _quiet() -> Iterator[None]:
         logger.setLevel(logging.CRITICAL + 1)
     try:
         yield
+    except KeyboardInterrupt:  # the command ends, and Dask's threads after it
+        loggers.clear()
+        raise
     finally:
-        for logger, level in zip(loggers, levels, strict=True):
+        for logger, level in zip(loggers, levels, strict=False):
             logger.setLevel(level)

@@ -27,6 +27,7 @@ from raymarch.cost.reference import reference
 from raymarch.cost.settings import Setting
 from raymarch.cost.sweep import sweep
 from raymarch.cost.text import as_json, findings
+from raymarch.errors import ClusterError
 from tests.support.commands import files, run
 from tests.support.dask_processes import Way
 
@@ -87,6 +88,28 @@ def test_a_client_without_the_certificate_is_refused(client: Any) -> None:
         for address in addresses:
             with pytest.raises((OSError, TimeoutError)):
                 distributed.Client(f"{protocol}{address[3:]}", security=security, timeout=1, set_as_default=False)
+
+
+def test_ctrl_c_is_left_to_the_command(client: Any) -> None:
+    """It reaches all processes of a terminal; workers that are interrupted would print tracebacks."""
+    blocked = client.run(signal.pthread_sigmask, signal.SIG_BLOCK, [])
+    assert len(blocked) == 2 and all(signal.SIGINT in found for found in blocked.values())
+
+
+def test_a_worker_that_dies_while_it_starts_is_started_again() -> None:
+    fault = RuntimeError("Nanny failed to start.")
+    tries: list[Any] = [fault, fault, "a cluster"]
+
+    def start(**options: Any) -> Any:
+        if isinstance(found := tries.pop(0), Exception):
+            raise found
+        return found
+
+    assert connect._started(start, {"n_workers": 2}) == "a cluster" and not tries
+    tries += [fault] * connect.STARTS
+    with pytest.raises(ClusterError, match=r"the workers do not start: Nanny failed to start\. \(raymarch doctor\)"):
+        connect._started(start, {})
+    assert not tries
 
 
 def draw(output: str, *more: str, frames: str = "0:6") -> int:

@@ -1,8 +1,14 @@
-"""Interrupts a notebook's kernel at random moments: python -m tests.lab.interrupted [--count 40] [--seed 0].
+"""Signals at random moments, for notebooks and for clusters.
 
-A real kernel draws scenes whose shaders are compiled each time, without the driver's cache, and gets SIGINT after a
-random time. At fault are a kernel that dies, a cell that ends in anything but its value or KeyboardInterrupt, and a
-kernel that then does not draw the right picture.
+python -m tests.lab.interrupted kernel [--count 40] [--seed 0]
+python -m tests.lab.interrupted workers [--count 40] [--seed 0]
+
+`kernel`: a real kernel draws scenes whose shaders are compiled each time, without the driver's cache, and gets SIGINT
+after a random time. At fault are a kernel that dies, a cell that ends in anything but its value or KeyboardInterrupt,
+and a kernel that then does not draw the right picture.
+
+`workers`: one to three signals to processes of the workers of a film, or Ctrl+C to all processes. At fault are a film
+that is not as without a cluster and says nothing, a traceback, and processes that are left.
 """
 
 from __future__ import annotations
@@ -10,12 +16,18 @@ from __future__ import annotations
 import argparse
 import os
 import random
+import signal
+import subprocess
 import sys
+import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any
+
+import psutil
 
 BEGIN = """
 import hashlib, raymarch as rm
@@ -35,6 +47,12 @@ CELLS = (
     "rm.show(scene({k}))",
     "rm.raycast(scene({k}), [(0, 0, 9)] * 500, [(0, 0, -1)] * 500)",
 )
+
+SCENE = """import raymarch as rm
+parts = [rm.torus(0.6, 0.1 + 0.02 * i).translate((i - 1 + rm.sin(rm.time + i), 0, 0)) for i in range(3)]
+scene = rm.Scene(rm.union(*parts, k=0.1) | rm.plane(offset=-0.5))
+"""
+SIGNALS = (signal.SIGTERM, signal.SIGKILL, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT, signal.SIGSTOP)
 
 
 @contextmanager
@@ -77,17 +95,13 @@ def replied(manager: Any, client: Any, message: str, after: float | None) -> dic
             return content
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=40)
-    parser.add_argument("--seed", type=int, default=0)
-    given = parser.parse_args()
-    chance = random.Random(given.seed)
+def try_kernel(count: int, chance: random.Random) -> int:
+    """The number of cells that went wrong."""
     ended: Counter[str] = Counter()
     faults, number = 0, 0
-    while number < given.count:
+    while number < count:
         with kernel() as (manager, client):
-            while number < given.count:
+            while number < count:
                 number += 1
                 cell = chance.choice(CELLS).format(k=number)
                 after = chance.uniform(0.0, 1.2) ** 2
@@ -106,8 +120,107 @@ def main() -> None:
                     faults += 1
                     break
     ends = ", ".join(f"{count} {end}" for end, count in ended.most_common())
-    print(f"{given.count} cells: {ends}; {faults} at fault")
-    sys.exit(faults > 0)
+    print(f"{count} cells: {ends}; {faults} at fault")
+    return faults
+
+
+def film(folder: Path, name: str, *more: str) -> subprocess.Popen[bytes]:
+    """The command that draws 24 frames."""
+    words = ["render", "scene.py", "-o", f"{name}_%02d.png", "--frames", "0:24", "--fps", "8", "--size", "48x32"]
+    return subprocess.Popen(
+        [sys.executable, "-m", "raymarch", *words, *more],
+        cwd=folder,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+
+
+def disturbed(folder: Path, known: list[bytes], chance: random.Random) -> tuple[str, list[str]]:
+    """Draw the film on two local workers, of which some get a signal. Returns what happened, and what is wrong."""
+    command = film(folder, "c", "--cluster", "local:2", "--task-timeout", "20")
+    me, sent, faults = psutil.Process(command.pid), [], []
+    seen: set[psutil.Process] = set()
+    begun = time.monotonic()
+    ends = [(chance.uniform(0.5, 12.0), chance.choice(SIGNALS), chance.random()) for _ in range(chance.randint(1, 3))]
+    whole = chance.random() < 0.2  # Ctrl+C in a terminal reaches all processes
+    while command.poll() is None:
+        with suppress(psutil.Error):
+            seen.update(me.children(recursive=True))
+        workers = [each for each in seen if each.is_running() and "spawn_main" in " ".join(_words(each))]
+        if ends and workers and time.monotonic() - begun > ends[0][0]:
+            _, number, at = ends.pop(0)
+            if number == signal.SIGSTOP and not any(folder.glob("c_*.png")):
+                number = signal.SIGKILL  # one that hangs while it starts is waited for five minutes
+            with suppress(psutil.Error, ProcessLookupError):
+                if whole:
+                    os.killpg(command.pid, signal.SIGINT)
+                else:
+                    workers[int(at * len(workers))].send_signal(number)
+            sent.append("group SIGINT" if whole else number.name)
+            if whole:
+                ends.clear()
+        if time.monotonic() - begun > 240:
+            faults.append("hangs")
+            break
+        time.sleep(0.05)
+    time.sleep(0.5)
+    for each in [me, *seen]:
+        with suppress(psutil.Error):
+            if each.is_running() and each.status() != psutil.STATUS_ZOMBIE:
+                faults.append(f"left: {_words(each)}")
+                each.kill()
+    said = command.communicate()[1].decode(errors="replace")
+    told = [line for line in said.splitlines() if line.startswith("raymarch: ")]
+    found = [file.read_bytes() for file in sorted(folder.glob("c_*.png"))]
+    code = command.returncode
+    for word in ("Traceback", "Exception ignored", "Fatal Python", " - ERROR - ", "Warning"):
+        if word in said:
+            faults.append(f"{word}: {said[-1500:]}")
+    if code == 0 and found != known:
+        faults.append(f"exit status 0 with {len(found)} frames")
+    if code == 2 and not told:
+        faults.append("exit status 2 without a reason")
+    if code not in ((0, 2, 130) if whole else (0, 2)):
+        faults.append(f"exit status {code}: {said[-500:]}")
+    if any(frame not in known for frame in found):
+        faults.append("a frame that is not whole")
+    for file in folder.glob("*c_*"):
+        file.unlink()
+    return f"{' '.join(sent) or 'nothing'}: {code} {told[-1:]}", faults
+
+
+def _words(process: psutil.Process) -> list[str]:
+    with suppress(psutil.Error):
+        return process.cmdline()
+    return []
+
+
+def try_workers(count: int, chance: random.Random) -> int:
+    """The number of films that went wrong."""
+    wrong = 0
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "scene.py").write_text(SCENE)
+        if film(folder, "p").wait():
+            raise SystemExit("the film cannot be drawn")
+        known = [file.read_bytes() for file in sorted(folder.glob("p_*.png"))]
+        for number in range(count):
+            happened, faults = disturbed(folder, known, chance)
+            print(f"{number}: {happened}", *faults, sep="\n    ", flush=True)
+            wrong += bool(faults)
+    print(f"{count} films: {wrong} wrong")
+    return wrong
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=("kernel", "workers"))
+    parser.add_argument("--count", type=int, default=40)
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    run = try_kernel if given.what == "kernel" else try_workers
+    sys.exit(run(given.count, random.Random(given.seed)) > 0)
 
 
 if __name__ == "__main__":
