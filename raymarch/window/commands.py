@@ -18,6 +18,7 @@ from raymarch.gpu.views import VIEWS
 from raymarch.window import control
 from raymarch.window.accuracy import next_stop
 from raymarch.window.control import View
+from raymarch.window.differences import differences
 from raymarch.window.edits import Edits, params_as_python
 from raymarch.window.model import (
     SIDES,
@@ -35,6 +36,7 @@ from raymarch.window.model import (
 )
 from raymarch.window.news import Failed, Fault, Loaded, News, Started, Watching
 from raymarch.window.pick import Pick
+from raymarch.window.source import drafted
 from raymarch.window.state import shown
 from raymarch.window.timeline import Timeline
 
@@ -409,6 +411,36 @@ def _free(model: Model, ending: str) -> Path:
     return next(name for name in names if not name.exists())
 
 
+# Values into the file
+
+
+def write_values(model: Model) -> None:
+    """Show what would change in the scene file; the second time, save that."""
+    if model.draft is None:
+        wanted, refused = differences(model.state)
+        draft = drafted(wanted)
+        if not draft.files:
+            reasons = [*refused, *draft.refused]
+            model.notice("\n".join(f"not written: {why}" for why in reasons) or "all values are those of the file")
+            return
+        model.draft = replace(draft, refused=(*refused, *draft.refused))
+        model.say("draft", text=model.draft.text())
+        return
+    draft, model.draft = model.draft, None
+    for file, (before, after) in draft.files.items():
+        if file.read_bytes() != before:
+            model.notice(f"{file.name} has changed meanwhile; nothing was written")
+            return
+        try:
+            with written(file) as partial:
+                partial.write_bytes(after)
+        except (SceneError, OSError) as fault:
+            model.notice(str(fault))
+            return
+        model.notice(f"wrote {file.name}")
+        model.say("wrote", file=str(file))
+
+
 # The window
 
 
@@ -433,7 +465,7 @@ def escape(model: Model) -> None:
     if model.sequence is not None:
         model.notice(f"stopped after {model.sequence.done} pictures")
         model.sequence = None
-    model.pick, model.help, model.state.selected = None, False, None
+    model.pick, model.help, model.state.selected, model.draft = None, False, None, None
 
 
 def close(model: Model) -> None:

@@ -66,6 +66,7 @@ BINDINGS = (
     Binding("p", "P", "save a PNG", do.save_picture),
     Binding("p", "Shift+P", "save the loop (or 2 seconds) as a sequence of PNGs", do.save_sequence, shift=True),
     Binding("s", "Ctrl+S", "save camera, parameters, time and view", do.save_settings, control=True),
+    Binding("f2", "F2", "write values of sliders, camera, materials and lights into the file", do.write_values),
     Binding("f5", "F5", "reload the scene file", do.reload),
     Binding("escape", "Esc", "stop a scene file that does not end; close messages", do.escape),
     Binding("tab", "Tab", "the panel, on and off", do.toggle_panel),

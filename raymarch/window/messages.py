@@ -34,6 +34,9 @@ def messages_of(model: Model, now: float) -> list[Message]:
     if model.help:
         return [Message(inputs.help_text(), "note", "middle")]
     messages = _sides(model)
+    if model.draft is not None:
+        question = f"{model.draft.text()}\n\nF2 writes this into the file, Esc does not"
+        messages.append(Message(question, "note", "middle"))
     if model.fault is not None and not model.closed:
         messages.append(Message(model.fault.text(), "error", "bottom left"))
     elif model.plan is not None and model.plan.conditions:

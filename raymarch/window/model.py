@@ -21,6 +21,7 @@ from raymarch.window.accuracy import Stop, preset_stops
 from raymarch.window.news import Fault, Loaded
 from raymarch.window.pick import Pick
 from raymarch.window.shot import Shot
+from raymarch.window.source import Draft
 from raymarch.window.state import State
 
 NOTICED = 4.0
@@ -172,6 +173,7 @@ class Model:
     compare : what the picture is compared with. known : the fraction of the reference that is computed.
     help, notices, fault, pick : messages: notices with the time at which they end.
     closed : whether Esc closed the message of the fault.
+    draft : changes of the scene file that are shown before they are saved.
     trial : file and start of the running trial of a changed scene file.
     sequence : the sequence that is being saved.
     drawn, frame, plan, evaluations, frames, driver, compiled : what the views report: the last step; ms of the
@@ -196,6 +198,7 @@ class Model:
     notices: list[tuple[float, str]] = field(default_factory=list)
     fault: Fault | None = None
     closed: bool = False
+    draft: Draft | None = None
     pick: Pick | None = None
     trial: tuple[Path, float] | None = None
     sequence: Series | None = None

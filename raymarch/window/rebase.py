@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from raymarch.scene.parameter import Spec, Value
 from raymarch.scene.scene import Scene
 from raymarch.window import edits as edit
@@ -29,7 +31,8 @@ def rebased(edits: Edits, params: dict[str, Value], before: Scene, now: Scene) -
     kept, words = dict(params), []
     for name, spec in now.parameters.items():
         old = before.parameters.get(name)
-        if old is not None and old.value != spec.value and kept.pop(name, spec.value) != spec.value:
+        changed = old is not None and old.value != spec.value
+        if changed and not np.allclose(kept.pop(name, spec.value), spec.value, rtol=1e-5):
             words.append(f"{name} = {_shown(spec)}: the file's, which is newer")
     materials, said = _materials(edits, kept, before, now)
     words += said

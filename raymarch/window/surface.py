@@ -133,5 +133,5 @@ class Window:
 
 def _key_names(glfw: Any) -> dict[int, str]:
     """Names of keys without a character, or whose position matters independently of the layout."""
-    names = ("space", "escape", "enter", "tab", "left", "right", "up", "down", "home", "f1", "f5", "f12")
+    names = ("space", "escape", "enter", "tab", "left", "right", "up", "down", "home", "f1", "f2", "f5", "f11", "f12")
     return {getattr(glfw, f"KEY_{name.upper()}"): name for name in names}
