@@ -24,6 +24,7 @@ from raymarch.window.model import (
     SIDES,
     Close,
     Copy,
+    Edit,
     Inspect,
     Interrupt,
     Measure,
@@ -39,6 +40,9 @@ from raymarch.window.pick import Pick
 from raymarch.window.source import drafted
 from raymarch.window.state import shown
 from raymarch.window.timeline import Timeline
+from raymarch.window.undo import redo as redo
+from raymarch.window.undo import remember
+from raymarch.window.undo import undo as undo
 
 STEP = 0.02
 """Step of an arrow key as a fraction of the parameter's range; a tenth of it with Shift."""
@@ -170,16 +174,19 @@ def set_pace(model: Model, budget: float | None = None, samples: int | None = No
 
 def set_param(model: Model, name: str, value: Any) -> None:
     """Set a parameter, clamped to its range."""
+    remember(model, name)
     model.state.set(name, value)
     model.say("param", name=name, value=model.state.value(name))
 
 
 def reset_params(model: Model) -> None:
+    remember(model, "all parameters")
     model.state.params.clear()
 
 
 def reset_param(model: Model, name: str) -> None:
     """Set a parameter to its value in the file."""
+    remember(model, f"{name} of the file")
     model.state.params.pop(name, None)
     model.say("param", name=name, value=model.state.value(name))
 
@@ -224,6 +231,7 @@ def edit(model: Model, edits: Edits) -> None:
     except RaymarchError as fault:
         model.notice(f"not possible: {fault.what}")
         return
+    remember(model, "an edit")
     model.request(Show(state))
 
 
@@ -466,6 +474,17 @@ def escape(model: Model) -> None:
         model.notice(f"stopped after {model.sequence.done} pictures")
         model.sequence = None
     model.pick, model.help, model.state.selected, model.draft = None, False, None, None
+
+
+def open_editor(model: Model) -> None:
+    """Open the line of the error, else that of the picked point, in the editor."""
+    fault, where = model.fault, model.pick.where if model.pick is not None else None
+    if fault is not None and fault.file is not None and not model.closed:
+        model.request(Edit(Path(fault.file), fault.line or 1))
+    elif where is not None:
+        model.request(Edit(Path(where.file), where.line))
+    else:
+        model.request(Edit(model.state.file, 1))
 
 
 def close(model: Model) -> None:

@@ -37,10 +37,13 @@ class Fields:
         self.mark(name or label.partition("##")[0])
         return bool(pressed)
 
-    def label(self, text: str) -> str:
-        """The label of the next field: beside it, or in a line above it if it does not fit there."""
+    def label(self, text: str, number: str = "") -> str:
+        """The label of the next field: beside it, or in a line above it if it does not fit there.
+
+        number : what stands between the field and its label.
+        """
         imgui = self.imgui
-        free = imgui.get_content_region_avail().x - imgui.calc_item_width()
+        free = imgui.get_content_region_avail().x - imgui.calc_item_width() - imgui.calc_text_size(number).x
         if imgui.calc_text_size(text, True).x + imgui.get_style().item_inner_spacing.x <= free:
             return text
         imgui.text(text.partition("##")[0])
@@ -48,7 +51,12 @@ class Fields:
 
     def param(self, name: str, spec: Spec, label: str = "") -> None:
         """A slider or colour field for a parameter. Before one that differs from the file, an arrow returns to it."""
-        imgui, text = self.imgui, self.label(label or name)
+        imgui, value = self.imgui, self.model.state.value(name)
+        number = "" if isinstance(value, tuple) or np.equal(*_ends(spec)) else f"{value:.4g}  "
+        text = self.label(label or name, number)
+        if number:
+            visible, _, ident = text.partition("##")
+            text = f"{number}{visible}###{ident or visible}"  # after ### stands what does not change
         edge, gap = imgui.get_frame_height(), imgui.get_style().item_inner_spacing.x
         if not self.model.state.changed(name):
             imgui.dummy((edge, edge))
@@ -62,7 +70,7 @@ class Fields:
                 do.reset_param(self.model, name)
         imgui.same_line(0.0, gap)
         imgui.set_next_item_width(imgui.calc_item_width() - edge - gap)
-        changed, new = self._field(text, name, spec, self.model.state.value(name))
+        changed, new = self._field(text, name, spec, value)
         self.mark(name)
         if changed:
             do.set_param(self.model, name, new)
@@ -107,7 +115,7 @@ class Fields:
             changed, new = field(label, list(value), *((low, high) if high > low else (0.01,)))
             return changed, tuple(new)
         if high > low:
-            return imgui.slider_float(label, value, low, high)
+            return imgui.slider_float(label, value, low, high, "")
         return imgui.drag_float(label, value, max(abs(value), 1.0) * 0.01)
 
     def choice(self, label: str, values: Any, now: Any, name: str = "") -> Any:

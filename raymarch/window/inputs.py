@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from raymarch.window import commands as do
 from raymarch.window import control
 from raymarch.window.events import Button, Drop, Event, Key, Move, Scroll
-from raymarch.window.model import Model
+from raymarch.window.model import FullScreen, Model
 
 CLICK = 4.0
 """Minimum movement of a drag, in screen coordinates; a shorter one is a click."""
@@ -27,7 +27,8 @@ MOVEMENTS = {"orbit": control.orbit, "pan": control.pan, "turn": control.turn}
 
 @dataclass(frozen=True, slots=True)
 class Binding:
-    """A key, its label and help, and its command; `shift` (None: either) and `control` must match."""
+    """A key, its label and help, and its command; `shift` (None: either) and `control` must match. `group` is that of
+    the help."""
 
     key: str
     label: str
@@ -35,44 +36,76 @@ class Binding:
     command: Callable[[Model], None]
     shift: bool | None = False
     control: bool = False
+    group: str = "View"
 
 
-BINDINGS = (
-    Binding("r", "R", "reset to the scene's camera", do.reset_camera),
-    Binding("c", "C", "copy the camera as Python", do.copy_camera),
-    Binding("v", "V", "next view: final, depth, normal, ...", partial(do.next_view, step=1)),
-    Binding("v", "Shift+V", "previous view", partial(do.next_view, step=-1), shift=True),
-    Binding("x", "X", "more exact, slower", partial(do.change_accuracy, step=1)),
-    Binding("x", "Shift+X", "less exact, faster", partial(do.change_accuracy, step=-1), shift=True),
-    Binding(
-        "k", "K", "split the picture: beside the most exact, beside the reference, off", partial(do.next_side, step=1)
-    ),
-    Binding("k", "", "", partial(do.next_side, step=-1), shift=True),
-    Binding("o", "O", "errors against the reference over the picture", do.toggle_errors),
-    Binding("space", "Space", "play or pause", lambda m: do.change_time(m, lambda line: line.toggle())),
-    Binding(".", ". ,", "one frame on, one back", lambda m: do.change_time(m, lambda line: line.step(1))),
-    Binding(",", "", "", lambda m: do.change_time(m, lambda line: line.step(-1))),
-    Binding("home", "Home", "time 0", lambda m: do.change_time(m, lambda line: line.scrub(0.0))),
-    Binding("l", "L", "loop from 0 to the current time; again: no loop", do.toggle_loop),
-    Binding("n", "N, arrows", "next parameter; change it", partial(do.select_param, step=1)),
-    Binding("n", "", "", partial(do.select_param, step=-1), shift=True),
-    Binding("down", "", "", partial(do.select_param, step=1), shift=None),
-    Binding("up", "", "", partial(do.select_param, step=-1), shift=None),
-    *(
+def _group(name: str, *bindings: Binding) -> tuple[Binding, ...]:
+    return tuple(replace(binding, group=name) for binding in bindings)
+
+
+def _nudges() -> list[Binding]:
+    return [
         Binding(key, "", "", partial(do.nudge_param, direction=direction, fine=fine), shift=fine)
         for key, direction in (("right", 1), ("left", -1))
         for fine in (False, True)
+    ]
+
+
+BINDINGS = (
+    *_group(
+        "Camera",
+        Binding("r", "R", "reset to the scene's camera", do.reset_camera),
+        Binding("c", "C", "copy the camera as Python", do.copy_camera),
     ),
-    Binding("p", "P", "save a PNG", do.save_picture),
-    Binding("p", "Shift+P", "save the loop (or 2 seconds) as a sequence of PNGs", do.save_sequence, shift=True),
-    Binding("s", "Ctrl+S", "save camera, parameters, time and view", do.save_settings, control=True),
-    Binding("f2", "F2", "write values of sliders, camera, materials and lights into the file", do.write_values),
-    Binding("f5", "F5", "reload the scene file", do.reload),
-    Binding("escape", "Esc", "stop a scene file that does not end; close messages", do.escape),
-    Binding("tab", "Tab", "the panel, on and off", do.toggle_panel),
-    Binding("h", "H, F1", "this help", do.toggle_help),
-    Binding("f1", "", "", do.toggle_help),
-    Binding("q", "Ctrl+Q", "quit", do.close, control=True),
+    *_group(
+        "View",
+        Binding("v", "V", "next view: final, depth, normal, ...; Shift: previous", partial(do.next_view, step=1)),
+        Binding("v", "", "", partial(do.next_view, step=-1), shift=True),
+        Binding("x", "X", "more exact, slower; Shift: faster", partial(do.change_accuracy, step=1)),
+        Binding("x", "", "", partial(do.change_accuracy, step=-1), shift=True),
+        Binding("k", "K", "compare with the most exact, with the reference, off", partial(do.next_side, step=1)),
+        Binding("k", "", "", partial(do.next_side, step=-1), shift=True),
+        Binding("o", "O", "errors against the reference", do.toggle_errors),
+        Binding("tab", "Tab", "the panel, on and off", do.toggle_panel),
+        Binding("f11", "F11", "full screen", lambda m: m.request(FullScreen())),
+        Binding("escape", "Esc", "close messages; stop a file that does not end", do.escape),
+        Binding("h", "H, F1", "this help", do.toggle_help),
+        Binding("f1", "", "", do.toggle_help),
+    ),
+    *_group(
+        "Time and parameters",
+        Binding("space", "Space", "play or pause", lambda m: do.change_time(m, lambda line: line.toggle())),
+        Binding(".", ". ,", "one frame on, one back", lambda m: do.change_time(m, lambda line: line.step(1))),
+        Binding(",", "", "", lambda m: do.change_time(m, lambda line: line.step(-1))),
+        Binding("home", "Home", "time 0", lambda m: do.change_time(m, lambda line: line.scrub(0.0))),
+        Binding("l", "L", "loop from 0 to now, or no loop", do.toggle_loop),
+        Binding("n", "N, arrows", "next parameter; change it", partial(do.select_param, step=1)),
+        Binding("n", "", "", partial(do.select_param, step=-1), shift=True),
+        Binding("down", "", "", partial(do.select_param, step=1), shift=None),
+        Binding("up", "", "", partial(do.select_param, step=-1), shift=None),
+        *_nudges(),
+        Binding("z", "Ctrl+Z", "undo sliders and panel; Ctrl+Shift+Z: redo", do.undo, control=True),
+        Binding("z", "", "", do.redo, shift=True, control=True),
+        Binding("y", "", "", do.redo, control=True),
+    ),
+    *_group(
+        "File",
+        Binding("f2", "F2", "write the changed values into the scene file", do.write_values),
+        Binding("g", "G", "go to the line of the error or the picked point in the editor", do.open_editor),
+        Binding("f5", "F5", "reload the scene file", do.reload),
+        Binding("p", "P", "save a PNG", do.save_picture),
+        Binding("p", "Shift+P", "save the loop (or 2 seconds) as PNGs", do.save_sequence, shift=True),
+        Binding("s", "Ctrl+S", "save the settings: camera, parameters, time, view", do.save_settings, control=True),
+        Binding("q", "Ctrl+Q", "quit", do.close, control=True),
+    ),
+)
+
+MOUSE = (
+    ("drag", "orbit; Shift or middle button: pan; right: look around"),
+    ("wheel", "nearer, farther"),
+    ("W A S D Q E", "fly; Shift: faster"),
+    ("click", "inspect a point: line, position, normal, cost, reference"),
+    ("F", "orbit the point under the cursor"),
 )
 
 
@@ -86,16 +119,12 @@ def press(model: Model, event: Key) -> None:
 
 
 def help_text() -> str:
-    """The help text of mouse and keys."""
-    rows = [
-        ("drag", "orbit; Shift or the middle button: pan; the right button: rotate the view"),
-        ("wheel", "nearer, farther"),
-        ("W A S D Q E", "fly; Shift: faster"),
-        ("click", "inspect a point: line, position, normal, distance, cost, reference"),
-        ("F", "orbit the point under the cursor"),
-        *((b.label, b.help) for b in BINDINGS if b.label),
-    ]
-    return "\n".join(f"{key}\t{text}" for key, text in rows)
+    """The help text of mouse and keys, in groups."""
+    lines = []
+    for group in dict.fromkeys(binding.group for binding in BINDINGS):
+        rows = [*(MOUSE if group == "Camera" else ()), *((b.label, b.help) for b in BINDINGS if b.group == group)]
+        lines += [group, *(f"{key}\t{text}" for key, text in rows if key), ""]
+    return "\n".join(lines[:-1])
 
 
 # The mouse

@@ -17,7 +17,9 @@ from typing import Any, TextIO, TypeAlias
 from raymarch.errors import SceneError
 from raymarch.gpu.prepare import Prepared
 from raymarch.plan import Plan
+from raymarch.scene.parameter import Value
 from raymarch.window.accuracy import Stop, preset_stops
+from raymarch.window.edits import Edits
 from raymarch.window.news import Fault, Loaded
 from raymarch.window.pick import Pick
 from raymarch.window.shot import Shot
@@ -100,6 +102,19 @@ class Open:
 
 
 @dataclass(frozen=True, slots=True)
+class Edit:
+    """Open a file in the user's editor at a line."""
+
+    file: Path
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class FullScreen:
+    """Fill the screen, or return to the window."""
+
+
+@dataclass(frozen=True, slots=True)
 class Interrupt:
     """Stop the running trial of a scene file."""
 
@@ -114,7 +129,7 @@ class Close:
     """Close the window."""
 
 
-Request: TypeAlias = Show | Inspect | SavePicture | Copy | Open | Interrupt | Measure | Close
+Request: TypeAlias = Show | Inspect | SavePicture | Copy | Open | Edit | FullScreen | Interrupt | Measure | Close
 
 
 @dataclass(slots=True)
@@ -142,6 +157,14 @@ class Compare:
     def reference(self) -> bool:
         """True if the float64 reference is needed."""
         return self.side == "truth" or self.errors
+
+
+@dataclass(frozen=True, slots=True)
+class Remembered:
+    """Values of parameters and edits, to return to."""
+
+    params: dict[str, Value]
+    edits: Edits
 
 
 @dataclass(slots=True)
@@ -180,6 +203,7 @@ class Model:
         last complete sample; the plan; mean evaluations per pixel of a shot; the times of
         the last frames (scene, window, compile); the driver; the number of compiled programs.
     preview : whether the picture is a preview, until the programs of the scene are compiled.
+    undone, redone : values of parameters and edits to return to, the latest last; `remembered` is what changed last.
     requests : what commands leave to the main loop.
     changed_at : time of the last change of the picture, which is refined after it.
     """
@@ -210,6 +234,9 @@ class Model:
     driver: str = ""
     compiled: int = 0
     preview: bool = False
+    undone: list[Remembered] = field(default_factory=list)
+    redone: list[Remembered] = field(default_factory=list)
+    remembered: tuple[str, float] = ("", 0.0)
     requests: deque[Request] = field(default_factory=deque)
     changed_at: float = field(default_factory=clock_time.perf_counter)
 

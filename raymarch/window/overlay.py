@@ -122,7 +122,10 @@ def _drawn(message: Message, width: int, density: float) -> NDArray[np.uint8]:
         parts = _wrapped(right, narrow) if right else _wrapped(left, most)
         lefts += [left, *[""] * (len(parts) - 1)] if right else parts
         rights += parts if right else [""] * len(parts)
-    blocks = [(0, "\n".join(lefts), FAINT if column else WHITE)]
+    heads = [left if column and not right else "" for left, right in zip(lefts, rights, strict=True)]
+    keys = [left if right or not column else "" for left, right in zip(lefts, rights, strict=True)]
+    blocks = [(0, "\n".join(keys), FAINT if column else WHITE)]
+    blocks += [(0, "\n".join(heads), WHITE)] if column else []
     blocks += [(column, "\n".join(rights), WHITE)] if column else []
     probe = ImageDraw.Draw(Image.new("L", (1, 1)))
     boxes = [probe.multiline_textbbox((at, 0), text, font=font, spacing=spacing) for at, text, _ in blocks]

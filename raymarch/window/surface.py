@@ -26,6 +26,7 @@ class Window:
         self._names = _key_names(self.glfw)
         self._events: list[Event] = []
         self._stale = True
+        self._windowed: tuple[int, int, int, int] | None = None
         self._listen()
         with self.context.bound():
             self.glfw.swap_interval(1)
@@ -110,6 +111,25 @@ class Window:
     def close(self) -> None:
         """Ask the window to close; `closing` is True from then on."""
         self.glfw.set_window_should_close(self.handle, True)
+
+    def toggle_full_screen(self) -> None:
+        """Fill the screen that the window is on, or return to where it was."""
+        glfw, handle = self.glfw, self.handle
+        if self._windowed is not None:
+            (x, y, width, height), self._windowed = self._windowed, None
+            glfw.set_window_monitor(handle, None, x, y, width, height, glfw.DONT_CARE)
+            return
+        x, y = glfw.get_window_pos(handle)
+        width, height = self.extent
+        middle = x + width // 2, y + height // 2
+        screen = glfw.get_primary_monitor()
+        for monitor in glfw.get_monitors():
+            (left, top), mode = glfw.get_monitor_pos(monitor), glfw.get_video_mode(monitor)
+            if 0 <= middle[0] - left < mode.size.width and 0 <= middle[1] - top < mode.size.height:
+                screen = monitor
+        mode = glfw.get_video_mode(screen)
+        self._windowed = x, y, width, height
+        glfw.set_window_monitor(handle, screen, 0, 0, mode.size.width, mode.size.height, mode.refresh_rate)
 
     def title(self, text: str) -> None:
         self.glfw.set_window_title(self.handle, text)

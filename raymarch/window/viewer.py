@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import threading
 import time as clock_time
+from collections import deque
 from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
@@ -21,14 +22,28 @@ from raymarch.gpu.views import picture as picture_of
 from raymarch.scene.file import load
 from raymarch.startup import SIGNALS
 from raymarch.window import commands as do
-from raymarch.window import control, toolkit
+from raymarch.window import control, editor, toolkit
 from raymarch.window.accuracy import Stop, preset_stops
 from raymarch.window.comparison import Comparison
 from raymarch.window.constants import CLICKED, Constants
 from raymarch.window.events import Drop, Event
 from raymarch.window.inputs import Mouse, flying
 from raymarch.window.messages import Message, messages_of
-from raymarch.window.model import Close, Copy, Inspect, Interrupt, Log, Measure, Model, Open, Request, SavePicture, Show
+from raymarch.window.model import (
+    Close,
+    Copy,
+    Edit,
+    FullScreen,
+    Inspect,
+    Interrupt,
+    Log,
+    Measure,
+    Model,
+    Open,
+    Request,
+    SavePicture,
+    Show,
+)
 from raymarch.window.news import Fault
 from raymarch.window.overlay import Bar, Overlay
 from raymarch.window.pace import Pace, scaled
@@ -48,6 +63,10 @@ IDLE = 0.25
 
 SHORTEST = 1 / 120
 """Minimum duration of a frame in seconds."""
+
+
+TITLED = 0.25
+"""Seconds between two changes of the title while pictures change."""
 
 
 class Interruption:
@@ -158,6 +177,8 @@ class Viewer:
         self._unshown = 1  # frames that must be shown, whatever they hold
         self._idle = False
         self._messages: list[Message | Bar] = []
+        self._ends: deque[float] = deque(maxlen=16)
+        self._titled = 0.0
         self._at = clock_time.perf_counter()
         self._inquiry = Inquiry(window.wake)
         self.reloader = Reloader(
@@ -295,8 +316,27 @@ class Viewer:
         self._unshown, self._live = max(self._unshown - 1, 0), max(self._live - 1, 0)
         self._rest = 1e3 * (clock_time.perf_counter() - start)
         self._frames += 1
+        self._tell_title()
         self.picture.pace.other(rest)
         self.model.frames.append((self.picture.drawn.milliseconds, rest, self.picture.drawn.compile))
+
+    def _tell_title(self) -> None:
+        """Show the frame rate, or how far the picture is refined, in the title."""
+        drawn, now = self.picture.drawn, clock_time.perf_counter()
+        self._ends.append(now)
+        seconds = self._ends[-1] - self._ends[0]
+        width, height = drawn.size
+        if self.picture.preview:
+            state = "preview, compiling"
+        elif drawn.whole:
+            state = f"complete, {drawn.samples} sample{'' if drawn.samples == 1 else 's'}"
+        elif not drawn.moving:
+            state = f"{100 * drawn.share:.0f} % of {drawn.wanted} sample{'' if drawn.wanted == 1 else 's'}"
+        else:
+            state = f"{(len(self._ends) - 1) / max(seconds, 1e-3):.0f} frames/s at {width}x{height}"
+        if drawn.whole or now - self._titled > TITLED:
+            self._titled = now
+            self.window.title(f"{_title(self.model.state.file)} - {state}")
 
     def _announce(self, text: str, kind: str = "busy", corner: str = "bottom left") -> None:
         """Show a message at once, before a long operation."""
@@ -350,6 +390,10 @@ class Viewer:
                 self.window.clip(text)
             case Open(file):
                 self.reloader.reload() if file is None else self.reloader.open(file)
+            case Edit(file, line):
+                model.notice(editor.opened(file, line))
+            case FullScreen():
+                self.window.toggle_full_screen()
             case Interrupt():
                 self.reloader.interrupt()
             case Measure():
@@ -443,4 +487,4 @@ class Viewer:
 
 
 def _title(file: Path) -> str:
-    return f"raymarch: {file.name} (H: keys)"
+    return f"raymarch: {file.name} (H: help)"

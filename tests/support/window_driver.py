@@ -83,6 +83,9 @@ class Hand:
         shape = self._window.get_geometry()
         return shape.width, shape.height
 
+    def title(self) -> str:
+        return str(self._window.get_wm_name())
+
     def resize(self, width: int, height: int) -> None:
         self._window.configure(width=width, height=height)
         self._display.sync()

@@ -398,7 +398,7 @@ def test_a_value_out_of_its_range_is_said() -> None:
     assert text_of(model) == ""
     do.set_param(model, "sun", (0, 0, 0))
     (message,) = messages_of(model, 0.0)
-    assert "Sun: direction" in message.text and message.kind == "busy"
+    assert "Sun: sun_direction" in message.text and message.kind == "busy"
 
 
 @pytest.mark.parametrize("change", [lambda m: do.set_param(m, "no", 1), lambda m: do.set_param(m, "radius", (1, 2))])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -9,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.support.window_driver import Session
+from raymarch.window.inputs import help_text
+from tests.support.window_driver import PATIENCE, Session
 
 SCENE = """import raymarch as rm
 RADIUS = rm.Param("radius", 1.0, 0.5, 2.0)
@@ -27,8 +29,13 @@ BALL = (470, 320)
 def shared(display: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
     folder = tmp_path_factory.mktemp("window")
     (folder / "scene.py").write_text(SCENE)
+    editor = folder / "editor"
+    editor.write_text(f'#!/bin/sh\necho "$@" > {folder}/opened.new; mv {folder}/opened.new {folder}/opened\n')
+    editor.chmod(0o755)
+    os.environ["VISUAL"] = str(editor)
     session = Session(display, folder, folder / "scene.py", "--size", "640x640", "--panel")
     session.wait("watching")
+    del os.environ["VISUAL"]
     yield session
     session.kill()
 
@@ -40,6 +47,8 @@ def session(shared: Session) -> Session:
     shared.hand.key("Escape")
     if (shared.folder / "scene.py").read_text() != SCENE:
         shared.wait("loaded", since=shared.save(SCENE))
+    click(shared, "defaults")
+    shared.hand.move(*BALL)
     shared.hand.key("r")
     shared.settled()
     return shared
@@ -53,12 +62,18 @@ def near(seen: tuple[int, ...], wanted: tuple[int, ...], most: int = 3) -> bool:
     return max(abs(a - b) for a, b in zip(seen, wanted, strict=True)) <= most
 
 
+def click(session: Session, name: str) -> None:
+    """Click an item of the panel, at the speed of a hand: the toolkit sees press and release in frames of their own."""
+    at = session.item(name)
+    session.hand.drag(at, at, steps=1, pause=0.08)
+
+
 def shown_panel(session: Session, *names: str) -> None:
     """Open sections of the panel, unless they are open."""
     for name, inside in zip(names[::2], names[1::2], strict=True):
         if inside not in session.places():
             mark = session.mark()
-            session.hand.click(*session.item(name))
+            click(session, name)
             session.wait("items", lambda e, inside=inside: inside in e["at"], mark)
     session.hand.move(*BALL)
 
@@ -75,8 +90,8 @@ def test_a_file_runs_once_for_each_edit(session: Session) -> None:
 
 def test_tab_never_reaches_the_fields_of_the_panel(session: Session) -> None:
     hand, mark = session.hand, session.mark()
-    hand.click(*session.item("Camera"))
-    hand.click(*session.item("Camera"))
+    click(session, "Camera")
+    click(session, "Camera")
     hand.move(*BALL)
     for _ in range(2):
         hand.key("Tab")
@@ -90,9 +105,10 @@ def test_tab_never_reaches_the_fields_of_the_panel(session: Session) -> None:
 def test_typing_a_number_does_not_fly(session: Session) -> None:
     """Ctrl and a click make a slider a field of text."""
     hand, before = session.hand, session.settled()
-    hand.hold("Control_L")
-    hand.click(*session.item("radius"))
-    hand.let_go("Control_L")
+    hand.move(*session.item("radius"))
+    for act in (lambda: hand.hold("Control_L"), hand.press, hand.release, lambda: hand.let_go("Control_L")):
+        act()
+        time.sleep(0.15)
     time.sleep(0.5)  # the field takes all keys: no event tells that it is there
     mark = session.mark()
     for name in ("w", "h"):
@@ -123,7 +139,7 @@ def test_swatches_are_as_the_picture(session: Session) -> None:
     assert near(pixel(seen, BALL), TOMATO)
     assert near(pixel(seen, session.item("swatch material 1")), TOMATO)
     hand = session.hand
-    hand.click(*session.item("edit material 1"))
+    click(session, "edit material 1")
     session.wait("items", lambda e: "swatch material 1 color" in e["at"], session.mark() - 40)
     hand.move(*BALL)
     seen = session.settled()
@@ -147,10 +163,10 @@ def test_swatches_are_as_the_picture(session: Session) -> None:
     hand.drag((x - 55, y), (x - 125, y), pause=0.15)
     hand.move(*BALL)
     assert not near(pixel(session.settled(), BALL), (255, 215, 0))
-    hand.click(*session.item("file material 1 color"))
+    click(session, "file material 1 color")
     hand.move(*BALL)
     assert near(pixel(session.settled(), BALL), (255, 215, 0))
-    hand.click(*session.item("drop materials"))
+    click(session, "drop materials")
 
 
 def test_escape_closes_the_error(session: Session) -> None:
@@ -188,3 +204,103 @@ def test_a_parameter_that_comes_back_has_its_value(session: Session) -> None:
     assert not np.array_equal(session.settled()[210:, 300:], big)
     session.wait("loaded", since=session.save(SCENE))
     assert value > 1.1 and np.array_equal(session.settled()[210:, 300:], big)
+
+
+def test_values_are_written_into_the_file(session: Session) -> None:
+    """Shown before they are saved. The file is then the newer one, and the picture stays."""
+    hand, file = session.hand, session.folder / "scene.py"
+    hand.key("n")
+    mark = session.mark()
+    for _ in range(5):
+        hand.key("Right")
+    session.wait("param", lambda e: e["value"] > 1.14, mark)
+    hand.key("Escape")
+    before = session.settled()
+    hand.key("F2")
+    text = session.wait("draft", since=mark)["text"]
+    assert '+RADIUS = rm.Param("radius", 1.15, 0.5, 2.0)' in text and file.read_text() == SCENE
+    assert not np.array_equal(session.settled()[300:340, 300:], before[300:340, 300:])
+    mark = session.mark()
+    hand.key("F2")
+    session.wait("wrote", since=mark)
+    session.wait("loaded", since=mark)
+    assert file.read_text() == SCENE.replace('"radius", 1.0', '"radius", 1.15')
+    hand.key("Escape")
+    assert np.array_equal(session.settled()[:, 300:], before[:, 300:])
+    assert "file radius" not in session.places()
+
+
+def test_undo_and_redo(session: Session) -> None:
+    hand, before = session.hand, session.settled()[:, 300:]
+    x, y = session.item("radius")
+    pictures = []
+    for right in (20, 45):
+        mark = session.mark()
+        hand.drag((x - 60, y), (x + right, y), pause=0.1)
+        session.wait("param", since=mark)
+        hand.move(*BALL)
+        pictures.append(session.settled()[:, 300:])
+        time.sleep(1.1)  # another change, not the same one
+    for keys, wanted in (
+        (("Control_L", "z"), pictures[0]),
+        (("Control_L", "z"), before),
+        (("Control_L", "Shift_L", "z"), pictures[0]),
+        (("Control_L", "y"), pictures[1]),
+        (("Control_L", "z"), pictures[0]),
+        (("Control_L", "z"), before),
+    ):
+        mark = session.mark()
+        hand.key(*keys)
+        session.wait("returned", since=mark)
+        assert np.array_equal(session.settled()[:, 300:], wanted), keys
+
+
+def test_full_screen_and_back(session: Session) -> None:
+    hand = session.hand
+    for size in ([1000, 700], [640, 640]):
+        mark = session.mark()
+        hand.key("F11")
+        session.wait("resize", lambda e, size=size: e["size"] == size, mark)
+        session.settled()
+
+
+def test_the_line_of_an_error_opens_in_the_editor(session: Session) -> None:
+    hand, opened = session.hand, session.folder / "opened"
+
+    def line() -> str:
+        until = time.monotonic() + PATIENCE
+        while not opened.exists() and time.monotonic() < until:
+            time.sleep(0.02)
+        text = opened.read_text()
+        opened.unlink()
+        return text
+
+    mark = session.save(SCENE.replace("(4, 0.2, 4)", "(4, -0.2, 4)"))
+    session.wait("failed", since=mark)
+    hand.key("g")
+    assert line() == f"+4 {session.folder}/scene.py\n"
+    mark = session.save(SCENE)
+    session.wait("loaded", since=mark)
+    hand.click(*BALL)
+    session.wait("truth", since=mark)
+    hand.key("g")
+    assert line() == f"+3 {session.folder}/scene.py\n"
+
+
+def test_the_title_tells_the_state(session: Session) -> None:
+    session.settled()
+    assert "complete, 1 sample" in session.hand.title()
+
+
+def test_the_help_has_four_groups(session: Session) -> None:
+    before = session.settled()
+    session.hand.key("h")
+    shown = session.settled()
+    assert np.mean(np.any(shown != before, axis=-1)) > 0.1
+    session.hand.key("h")
+    assert [line for line in help_text().splitlines() if line and "\t" not in line] == [
+        "Camera",
+        "View",
+        "Time and parameters",
+        "File",
+    ]
