@@ -206,7 +206,7 @@ def evaluations_of(scene: Scene, renderer: Any, time: float = 0.0, params: Mappi
 
 COUNTED = (
     *("float field(vec3", "float marched_field(vec3", "vec2 field_advance(vec3", "vec4 field_gradient(vec3"),
-    "Part part_at(vec3",
+    *("float undivided_field(vec3", "Part part_at(vec3"),
 )
 """The first words of the functions whose calls are counted."""
 

@@ -142,6 +142,17 @@ def test_the_counting_shader_counts(renderer):
     assert np.array_equal(renderer.render(scene).color, renderer.render(scene).color), "the picture is not the count"
 
 
+def test_shadows_of_divided_fields_are_counted(renderer):
+    """They ask a function of their own, the field before it is divided by its Lipschitz constant."""
+    node = rm.box((0.6, 2, 0.6)).twist(1.0) | rm.plane(offset=-1)
+    camera = rm.Camera((0, 2, 5), (0, 0, 0))
+    hard, soft = (
+        evaluations_of(rm.Scene(node, camera, [rm.Sun(shadow=True, softness=s)]), renderer) for s in (0.0, 0.1)
+    )
+    plain = evaluations_of(rm.Scene(node, camera, [rm.Sun()]), renderer)
+    assert soft > hard > plain
+
+
 def test_the_counting_text():
     text = "float field(vec3 p) {\n    return 1.0;\n}\n\nvoid main() {\n    out_color = vec4(field(vec3(0.0)));\n}\n"
     made = counting_text(text).splitlines()
