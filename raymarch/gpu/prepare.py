@@ -148,7 +148,7 @@ def frame_uniforms(
     pose = replace(given, position=given.position - origin)
     uniforms: dict[str, Any] = {
         "u_camera_position": pose.position,
-        "u_camera_frame": pose.frame,
+        "u_camera_frame": np.array(pose.frame),  # the user's may change in place
         "u_tan_half_fov": pose.tan_half_fov,
         "u_half_height": pose.half_height or 0.0,
         "u_resolution": size,

@@ -124,6 +124,7 @@ class Program(Releasing):
         self.released = False
         self._texts = vertex, fragment
         self._locate = locate
+        self._members: dict[int, dict[str, _Member | None]] = {}
         self._fragment: tuple[moderngl.Program, moderngl.VertexArray] | None = None
         with context.bound(), deferred():
             self._dispatch = dispatch_of(context, fragment)
@@ -186,8 +187,10 @@ class Program(Releasing):
                 self._set(self._dispatch.shader, uniforms or {}, target)
                 self._dispatch.run(target.textures, tile or (0, 0, width, height))
                 return
-            with deferred():
-                program, triangle = self._linked()
+            if self._fragment is None:
+                with deferred():
+                    self._linked()
+            program, triangle = self._linked()
             self._set(program, uniforms or {}, target)
             gl.enable_only(moderngl.BLEND if blend else moderngl.NOTHING)
             framebuffer = target.framebuffer
@@ -220,20 +223,57 @@ class Program(Releasing):
     def _set(
         self, shader: moderngl.Program | moderngl.ComputeShader, uniforms: Mapping[str, Any], target: Surface
     ) -> None:
-        unit = 0
+        members, unit = self._members.setdefault(id(shader), {}), 0
         for name, value in uniforms.items():
-            member = shader.get(name, None)
-            if not isinstance(member, moderngl.Uniform):
+            if name not in members:
+                found = shader.get(name, None)
+                members[name] = _Member(found) if isinstance(found, moderngl.Uniform) else None
+            member = members[name]
+            if member is None:
+                continue
+            if value is member.last:
+                continue
+            if isinstance(value, float | int):
+                member.send_number(self.name, value)
                 continue
             texture = _as_texture(value)
             if texture is None:
-                member.write(_uniform_bytes(self.name, member, value))
+                member.send(self.name, value)
                 continue
             if isinstance(target, Target) and texture in target.textures:
                 raise ValueError(f"{self.name}: the texture of {name} is read and written at once; use a PingPong")
             texture.use(unit)
-            member.value = unit
+            member.send_number(self.name, unit)
             unit += 1
+
+
+class _Member:
+    """A uniform of a program, with what was sent to it last. It is sent again only if it changes.
+
+    Arrays among the uniforms of a frame are not changed later, so the same object has the same content.
+    """
+
+    __slots__ = ("data", "last", "number", "uniform")
+
+    def __init__(self, uniform: moderngl.Uniform) -> None:
+        self.uniform = uniform
+        self.number: float | None = None
+        self.last: Any = self
+        self.data: bytes | None = None
+
+    def send_number(self, program: str, value: float) -> None:
+        """Send a number. 0 and -0 are equal, so they are compared by their bytes."""
+        if value != self.number or not value:
+            self.send(program, value)
+            self.number, self.last = value, self
+
+    def send(self, program: str, value: Any) -> None:
+        """Send a value."""
+        data = _uniform_bytes(program, self.uniform, value)
+        self.number, self.last = None, value
+        if data != self.data:
+            self.uniform.write(data)
+            self.data = data
 
 
 def _refusal(name: str, log: str, fragment: str, locate: Locate | None) -> ShaderError:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Self
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +27,9 @@ from raymarch.gpu.history import History
 from raymarch.gpu.part import PicturePart
 from raymarch.gpu.prepare import Prepared, Wanted, frame_uniforms, name_of
 from raymarch.gpu.prepared_scenes import PreparedScenes
-from raymarch.gpu.program import in_pass
+from raymarch.gpu.program import Program, in_pass
 from raymarch.gpu.resource_cache import ResourceCache
-from raymarch.gpu.tiles import WHOLE, draw_in_tiles
+from raymarch.gpu.tiles import WHOLE, Edge, draw_in_tiles
 from raymarch.gpu.unread import Unread, unread_of
 from raymarch.plan.unused import unused
 from raymarch.scene.camera import Pose
@@ -104,6 +105,7 @@ class Renderer:
         self.planned_for: tuple[int, int] | None = None
         self._prepared = PreparedScenes(self.resources)
         self._is_drawing = False
+        self._edges: WeakKeyDictionary[Program, Edge] = WeakKeyDictionary()
         try:
             self._size = self._target_size(size)
         except DeviceError:
@@ -487,8 +489,12 @@ class Renderer:
         width, height = call.target.size
         if progress is None and width * height <= WHOLE:
             return self.clock.time(call.draw)
+        known = self._edges.setdefault(call.program, Edge()) if progress is None else None
         return draw_in_tiles(
-            call.target.size, lambda tile: self.clock.time(lambda: call.draw(tile)), progress or (lambda share: None)
+            call.target.size,
+            lambda tile: self.clock.time(lambda: call.draw(tile)),
+            progress or (lambda share: None),
+            known,
         )
 
     def close(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 Tile = tuple[int, int, int, int]
 
@@ -30,15 +31,25 @@ def tiles_of(size: tuple[int, int], edge: int = EDGE) -> Iterator[Tile]:
     return ((x, size[1] - row - high, wide, high) for (x, row), (wide, high) in split(size, edge))
 
 
-def draw_in_tiles(size: tuple[int, int], draw: Callable[[Tile], float], progress: Callable[[float], None]) -> float:
+@dataclass(slots=True)
+class Edge:
+    """The edge of the next tile of a program in pixels: that which the last frame ended with."""
+
+    pixels: int = EDGE
+
+
+def draw_in_tiles(
+    size: tuple[int, int], draw: Callable[[Tile], float], progress: Callable[[float], None], known: Edge | None = None
+) -> float:
     """Draw a picture of size (width, height) in tiles, from the top row down.
 
     draw : draws one tile, (x, y, width, height) from the bottom left, and returns its time in milliseconds.
     progress : called with the fraction done after each tile.
+    known : the edge to begin with, which is then that of the last tile; a fast pass is then one draw in later frames.
     Returns the total time in milliseconds.
     """
     width, height = size
-    spent, edge, top = 0.0, EDGE, height
+    spent, edge, top = 0.0, EDGE if known is None else known.pixels, height
     while top > 0:
         bottom = max(top - edge, 0)
         longest = 0.0
@@ -50,6 +61,8 @@ def draw_in_tiles(size: tuple[int, int], draw: Callable[[Tile], float], progress
         top = bottom
         if longest > LONG and edge > 16:
             edge //= 2
-        elif longest < SHORT:
+        elif longest < SHORT and edge < max(size):
             edge *= 2
+    if known is not None:
+        known.pixels = edge
     return spent

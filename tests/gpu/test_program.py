@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from raymarch.errors import Location, ShaderError
+from raymarch.gpu import program as program_module
 from raymarch.gpu.context import Context, open_context
 from raymarch.gpu.program import FULL_SCREEN, Message, Program, parse_messages
 from raymarch.gpu.targets import PingPong, Target
@@ -323,3 +324,39 @@ with rm.Renderer((8, 8), "BACKEND") as renderer:
 def test_signals_wait_while_a_program_is_made(interpreter: Any, backend: str) -> None:
     """moderngl calls Python for each uniform, where handlers of signals run; it does not survive their exceptions."""
     assert interpreter(INTERRUPTED.replace("BACKEND", backend), None).split() == ["KeyboardInterrupt", "Stop", "True"]
+
+
+VALUES = """#version 330 core
+uniform float a;
+uniform vec2 b;
+out vec4 color;
+void main() { color = vec4(1.0 / a, b, 1.0); }
+"""
+
+
+def test_a_uniform_is_sent_again_only_if_it_changes(context: Context, monkeypatch: pytest.MonkeyPatch) -> None:
+    sent: list[str] = []
+    with Program(context, FULL_SCREEN, VALUES, locate, "test") as program, Target(context, (2, 2)) as target:
+        monkeypatch.setattr(program_module, "_uniform_bytes", counting(program_module._uniform_bytes, sent))
+        both = (3.0, 4.0)
+        for a, b, new in [
+            (0.0, both, ["a", "b"]),
+            (-0.0, both, ["a"]),  # which is equal to 0, and is another number
+            (2.0, both, ["a"]),
+            (2.0, both, []),
+            (2.0, (3.0, 5.0), ["b"]),
+            (2, np.array([3.0, 5.0]), ["b"]),
+        ]:
+            sent.clear()
+            program.draw(target, {"a": a, "b": b, "unknown": 1.0})
+            with np.errstate(divide="ignore"):
+                assert np.array_equal(target.read()[0, 0], np.float32([np.divide(1.0, a), *b, 1.0]))
+            assert sent == new
+
+
+def counting(made: Any, sent: list[str]) -> Any:
+    def counted(name: str, uniform: Any, value: Any) -> bytes:
+        sent.append(uniform.name)
+        return made(name, uniform, value)
+
+    return counted

@@ -364,6 +364,20 @@ def test_tiles_grow_and_shrink_with_the_time_they_take(took: float, widths: list
     assert np.all(covered == 1) and told == sorted(told) and told[-1] == 1.0
 
 
+def test_later_frames_begin_with_the_tiles_that_the_last_one_ended_with() -> None:
+    known, counts = tiles.Edge(), []
+    for took in (2.0, 2.0, 90.0, 90.0):
+        drawn: list[float] = []
+
+        def draw(_: tiles.Tile, took: float = took, drawn: list[float] = drawn) -> float:
+            drawn.append(took)
+            return took
+
+        tiles.draw_in_tiles((1920, 1080), draw, lambda share: None, known)
+        counts.append(len(drawn))
+    assert counts[0] > 20 and counts[1] == 1 and counts[2] == 1 and counts[3] > 1
+
+
 def test_a_fault_in_the_progress_report_leaves_the_renderer_usable(renderer: Renderer) -> None:
     before = renderer.render(scene()).color
 

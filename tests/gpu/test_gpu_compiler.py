@@ -1,0 +1,43 @@
+"""What a GPU's compiler makes of the shaders of ten examples: limits, so that none becomes worse unnoticed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from raymarch.scene import load
+from tests.lab.gpu_compiler import EXAMPLES, passes_of
+from tests.support.gpu_compiler import Compiler, missing
+
+LIMITS = {
+    "hello": (20, 8.0),
+    "csg": (24, 6.0),
+    "columns": (16, 11.5),
+    "implicit": (16, 12.5),
+    "mandelbulb": (16, 16.0),
+    "papers/smoothing": (12, 12.0),
+    "papers/soft_shadows": (16, 12.5),
+    "papers/glass": (10, 17.5),
+    "large/forest": (16, 13.0),
+    "large/molecule": (16, 11.0),
+}
+"""For each example: the fewest waves that one unit of RDNA 2 holds of any pass, and the most kB of code, a fifth above
+what was measured with Mesa 22.3."""
+
+
+@pytest.fixture(scope="module")
+def compiler(tmp_path_factory: pytest.TempPathFactory) -> Compiler:
+    if lacking := missing():
+        pytest.skip(f"missing: {lacking}")
+    return Compiler(Path(tmp_path_factory.mktemp("compiled")))
+
+
+@pytest.mark.may_skip
+@pytest.mark.parametrize("name", LIMITS)
+def test_no_pass_spills_and_enough_waves_fit(name, compiler):
+    waves, kilobytes = LIMITS[name]
+    for chosen, found in passes_of(load(EXAMPLES / f"{name}.py"), compiler, "navi21").items():
+        assert not found.spilled and not found.scratch, chosen
+        assert found.waves >= waves, (chosen, found)
+        assert found.code <= 1024 * kilobytes, (chosen, found)
