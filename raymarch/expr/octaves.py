@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -24,6 +25,8 @@ from raymarch.expr.lattice import (
 )
 from raymarch.expr.node import Expr, Operand, const, expr
 from raymarch.expr.types import VEC2, VEC3, VECTORS
+
+F = TypeVar("F", bound=Callable[..., Expr])
 
 KINDS = {
     "value": (lattice_noise, lattice_noise_in_time),
@@ -205,55 +208,30 @@ def fbm(
     return _octaves("fbm", lambda n: n, p, octaves, gain, lacunarity, seed, noise, period)
 
 
-@checked
-def turbulence(
-    p: Operand,
-    octaves: int = 5,
-    gain: float = 0.5,
-    lacunarity: float = 2.0,
-    seed: int = 0,
-    noise: str = "gradient",
-    period: int = 0,
-) -> Expr:
-    """Turbulence, from 0 to 1: the weighted mean of the absolute values of octaves (Perlin 1985), with creases at 0.
+def _as_fbm(like: F, name: str, shape: Callable[[Expr], Expr], doc: str) -> F:
+    """A function with the parameters of `fbm`, of reshaped octaves."""
+    signature = inspect.signature(like)
 
-    Parameters
-    ----------
-    p, octaves, gain, lacunarity, seed, noise, period : as of `fbm`.
+    def made(*args: Any, **kwargs: Any) -> Expr:
+        given = signature.bind(*args, **kwargs)
+        given.apply_defaults()
+        return _octaves(name, shape, *given.args)
 
-    Returns
-    -------
-    Expr
-
-    Raises
-    ------
-    SceneError : arguments of another kind or outside their range.
-    """
-    return _octaves("turbulence", abs, p, octaves, gain, lacunarity, seed, noise, period)
+    made.__name__ = made.__qualname__ = name
+    made.__doc__ = f"{doc}\n\n{', '.join(signature.parameters)} : as of `fbm`."
+    made.__signature__ = signature  # type: ignore[attr-defined]
+    return checked(made)  # type: ignore[return-value]
 
 
-@checked
-def ridged(
-    p: Operand,
-    octaves: int = 5,
-    gain: float = 0.5,
-    lacunarity: float = 2.0,
-    seed: int = 0,
-    noise: str = "gradient",
-    period: int = 0,
-) -> Expr:
-    """Ridges, from 0 to 1: the weighted mean of (1 - |n|)^2 of octaves n (Musgrave 1998, offset 1, without feedback).
-
-    Parameters
-    ----------
-    p, octaves, gain, lacunarity, seed, noise, period : as of `fbm`.
-
-    Returns
-    -------
-    Expr
-
-    Raises
-    ------
-    SceneError : arguments of another kind or outside their range.
-    """
-    return _octaves("ridged", lambda n: v.square(1.0 - abs(n)), p, octaves, gain, lacunarity, seed, noise, period)
+turbulence = _as_fbm(
+    fbm,
+    "turbulence",
+    abs,
+    "Turbulence, from 0 to 1: the weighted mean of the absolute values of octaves (Perlin 1985), with creases at 0.",
+)
+ridged = _as_fbm(
+    fbm,
+    "ridged",
+    lambda n: v.square(1.0 - abs(n)),
+    "Ridges, from 0 to 1: the weighted mean of (1 - |n|)^2 of octaves n (Musgrave 1998, offset 1, without feedback).",
+)

@@ -18,21 +18,7 @@ from raymarch.expr.convert import short
 from raymarch.expr.function import sum_of
 from raymarch.expr.node import Expr, Operand, expr, var
 from raymarch.expr.types import FLOAT, VEC3
-from raymarch.expr.vocabulary import (
-    clamp,
-    cos,
-    dot,
-    max,
-    min,
-    mix,
-    normalize,
-    pow,
-    record,
-    sin,
-    sqrt,
-    vec3,
-    where,
-)
+from raymarch.expr.vocabulary import clamp, cos, dot, max, min, mix, normalize, pow, record, sin, sqrt, vec3, where
 from raymarch.scene.fields import ALL, FIELDS, PHONG, PHYSICAL, SMOOTH
 from raymarch.scene.light import to_world
 from raymarch.scene.reflectance import (

@@ -8,21 +8,7 @@ from typing import NamedTuple
 from raymarch.expr.function import Function, function
 from raymarch.expr.node import Expr, var
 from raymarch.expr.types import FLOAT, VEC2, VEC3, struct
-from raymarch.expr.vocabulary import (
-    clamp,
-    cos,
-    cross,
-    dot,
-    get,
-    max,
-    normalize,
-    pow,
-    record,
-    sin,
-    sqrt,
-    vec3,
-    where,
-)
+from raymarch.expr.vocabulary import clamp, cos, cross, dot, get, max, normalize, pow, record, sin, sqrt, vec3, where
 from raymarch.scene.light import to_world
 
 LEAST_COSINE = 1e-4
