@@ -11,6 +11,7 @@ of the cache is at fault too if what is read differs from what was stored.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
 import json
 import os
@@ -20,6 +21,7 @@ import signal
 import sys
 import tempfile
 import warnings
+import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -35,6 +37,7 @@ from raymarch.errors import RaymarchError
 from raymarch.files import read_json, reading
 from raymarch.plan import cells
 from raymarch.plan.gather import gather
+from raymarch.scene.file import load
 from raymarch.scene.quality import PRESETS, Quality
 from raymarch.sdf.meshes import mesh
 from raymarch.window.accuracy import measured_stops
@@ -98,8 +101,6 @@ def obj_with_material(folder: Path) -> Path:
 
 
 def zipped(folder: Path) -> Path:
-    import zipfile
-
     with zipfile.ZipFile(folder / "a.zip", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.write(solid("a.stl")(folder), "a.stl")
     return folder / "a.zip"
@@ -208,6 +209,62 @@ def cached(use: Callable[[Path], Any], pattern: str) -> tuple[Make, Use]:
     return make, check
 
 
+def arrays(name: str, write: Callable[[Path, Any], object]) -> Make:
+    """Writes the values of a ball on a lattice of 5 points an axis, as flat rows where the format has no third axis."""
+
+    def make(folder: Path) -> Path:
+        x, y, z = np.meshgrid(*3 * [np.linspace(-1.0, 1.0, 5)], indexing="ij")
+        write(folder / name, np.sqrt(x * x + y * y + z * z) - 0.7)
+        return folder / name
+
+    return make
+
+
+def by_scene(values: str) -> Use:
+    """A scene file beside the data that reads them with NumPy; its name begins with theirs. values : an expression."""
+
+    def use(file: Path) -> None:
+        lines = ("import numpy as np, raymarch as rm", f"file = {file.name!r}", f"values = {values}")
+        scene = file.with_name(f"{file.name}.py")
+        solids = "rm.grid(values, (2, 2, 2)) | rm.instances(rm.sphere(), np.asarray(values)[0][:, :3])"
+        scene.write_text("\n".join((*lines, f"scene = {solids}\n")))
+        with contextlib.chdir(file.parent):
+            load(scene)
+
+    return use
+
+
+def scene_text(folder: Path) -> Path:
+    lines = (
+        "import raymarch as rm",
+        "ball = rm.sphere(rm.Param('size', 1.0, 0.5, 2.0)).translate((1, 0, 0))",
+        "solid = rm.union(ball, rm.box((1, 2, 1)).round(0.1), k=0.2).material(rm.Material((0.8, 0.2, 0.1)))",
+        "scene = rm.Scene(solid, camera=rm.Camera((0, 1, 5), (0, 0, 0)), lights=[rm.Sun()])",
+    )
+    (folder / "a.py").write_text("\n".join(lines))
+    return folder / "a.py"
+
+
+def line(folder: Path) -> Path:
+    ends = "10\n0\n20\n0\n11\n1\n21\n1\n"
+    (folder / "a.dxf").write_text(f"0\nSECTION\n2\nENTITIES\n0\nLINE\n{ends}0\nENDSEC\n0\nEOF\n")
+    return folder / "a.dxf"
+
+
+def manufactured(folder: Path) -> Path:
+    """A model of 3D Manufacturing Format, which is a zip archive: read where networkx and lxml are installed."""
+    points = "".join(f'<vertex x="{x}" y="{y}" z="{z}"/>' for x, y, z in ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)))
+    faces = ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2))
+    triangles = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in faces)
+    core = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
+    mesh = f"<mesh><vertices>{points}</vertices><triangles>{triangles}</triangles></mesh>"
+    model = f'<resources><object id="1" type="model">{mesh}</object></resources><build><item objectid="1"/></build>'
+    with zipfile.ZipFile(folder / "a.3mf", "w") as archive:
+        text = f'<?xml version="1.0"?><model unit="millimeter" xmlns="{core}">{model}</model>'
+        archive.writestr("3D/3dmodel.model", text)
+    return folder / "a.3mf"
+
+
 KINDS: dict[str, tuple[Make, Use]] = {
     "png": (picture("a.png"), as_texture),
     "png with alpha": (picture("b.png", "RGBA"), as_mask),
@@ -228,6 +285,24 @@ KINDS: dict[str, tuple[Make, Use]] = {
     "glb": (solid("a.glb"), as_mesh),
     "gltf": (solid("model.gltf"), as_mesh),
     "zip": (zipped, as_mesh),
+    "3mf": (manufactured, as_mesh),
+    "xyz": (arrays("a.xyz", lambda file, a: np.savetxt(file, a[0][:, :3])), as_mesh),
+    "dxf": (line, as_mesh),
+    "npy": (arrays("a.npy", np.save), by_scene("np.load(file)")),
+    "npz": (arrays("a.npz", lambda file, a: np.savez(file, a=a)), by_scene("np.load(file)['a']")),
+    "csv": (
+        arrays("a.csv", lambda file, a: np.savetxt(file, a.reshape(25, 5), delimiter=",")),
+        by_scene("np.loadtxt(file, delimiter=',').reshape(5, 5, 5)"),
+    ),
+    "py": (scene_text, load),
+    "pgm": (picture("a.pgm", "L"), as_mask),
+    "ppm": (picture("a.ppm"), as_texture),
+    "tga": (picture("a.tga"), as_texture),
+    "jp2": (picture("a.jp2"), as_texture),
+    "pcx": (picture("a.pcx"), as_texture),
+    "sgi": (picture("a.sgi"), as_texture),
+    "ico": (picture("a.ico"), as_mask),
+    "dds": (picture("a.dds"), as_texture),
     "ttf": (font, lambda file: rm.text("Ab", font=file, resolution=8)),
     "json of a baseline": (stored("a.json", a_baseline), baseline.read),
     "json of costs": (stored("b.json", a_measurement), measured),
