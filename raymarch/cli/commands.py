@@ -19,6 +19,7 @@ from typer.core import TyperCommand
 
 import raymarch
 from raymarch import startup
+from raymarch.cli import hints
 from raymarch.cli.common import errors, piped
 from raymarch.errors import RaymarchError
 
@@ -101,7 +102,26 @@ def _show_usage(fault: Any) -> None:
         shown = f"{scene[1]} is no command (raymarch render {scene[1]}, or raymarch view {scene[1]})"
         errors.print(f"raymarch: {shown}")
         return
-    errors.print(f"raymarch: {text} ({command} --help)")
+    errors.print(f"raymarch: {_hinted(text, context)} ({command} --help)")
+
+
+def _hinted(text: str, context: Any) -> str:
+    """A message of wrong usage, with what is typed here for the names of other programs."""
+    unknown = re.match(r"No such (command|option):? '?(-*[\w-]+)'?", text)
+    extra = re.match(r"Got unexpected extra argument\(?s?\)? \((\S+)", text)
+    if extra and "--output" in _options(context):
+        return f"{text}; use -o {extra[1].rstrip(')')}"
+    if unknown is None:
+        return text
+    given = unknown[2]
+    hint = hints.for_command(given) if unknown[1] == "command" else hints.for_option(given, _options(context))
+    told = text.partition(" (Possible")[0] if unknown[1] == "option" else text.partition(". Did")[0] if hint else text
+    return f"{told}; use {hint}" if hint else told
+
+
+def _options(context: Any) -> list[str]:
+    """The options of the command that was called."""
+    return [name for q in context.command.params for name in (*q.opts, *q.secondary_opts)] if context else []
 
 
 def _version(asked: bool) -> None:

@@ -58,3 +58,52 @@ def test_explain_shows_the_values_that_are_set(
     for wrong, told in (("--set", "lift=3"), "'lift' = 3"), (("--quality", "best"), "draft, normal"):
         assert run("explain", "a.py", *wrong) == 2
         assert told in capfd.readouterr().err
+
+
+TYPED = """
+render a.py --width 320 | use --size WxH
+render a.py --resolution 64x36 | use --size WxH
+render a.py -s 64x36 | use --size WxH
+export a.py -o a.stl --resolution 64 | use --cells N
+render a.py --spp 4 | use --samples N
+cost a.py --samples 4 | use --reference-samples N
+explain a.py --samples 4 | use --quality NAME
+render a.py --frame 3 | use --time SECONDS
+render a.py --duration 3 | use --frames A:B
+render a.py --out a.png | use -o FILE
+render a.py a.png | use -o a.png
+export a.py a.stl | Missing option '-o'
+export a.py --format stl | use -o FILE
+render a.py -D radius=2 | use --set NAME=VALUE
+render a.py --transparent | use --alpha
+render a.py --background black | use in the scene: rm.Scene(node, sky=...)
+render a.py --camera 0,0,5 | rm.Camera(eye, target)
+render a.py --gpu | use --backend NAME
+render a.py --threads 4 | use --cluster local
+render a.py --preset fine | use --quality NAME
+render a.py --max-error 1px | use --error 0.5px
+prove a.py --accuracy 1px | use --tolerance 0.05px
+view a.py --watch | the window reloads a saved file
+render a.py --qualty fine | use --quality
+render a.py --nothing-like-it | No such option: --nothing-like-it (raymarch render --help)
+preview a.py | use raymarch view SCENE.py
+run a.py | use raymarch view SCENE.py
+film a.py | --frames 0:90
+info | use raymarch doctor
+mesh a.py | use raymarch export SCENE.py -o a.stl
+bench a.py | use raymarch cost SCENE.py
+new a.py | scene = rm.sphere()
+help | use raymarch --help
+version | use raymarch --version
+rendr a.py | render
+a.py | raymarch render a.py, or raymarch view a.py
+"""
+"""What people of other programs type, and what the message says."""
+
+
+@pytest.mark.parametrize("row", TYPED.strip().splitlines(), ids=lambda row: row.partition(" | ")[0])
+def test_wrong_usage_is_told_what_to_type(row: str, capfd: pytest.CaptureFixture[str]) -> None:
+    typed, _, told = row.partition(" | ")
+    assert run(*typed.split()) == 2
+    message = capfd.readouterr().err
+    assert told in message and message.count("\n") == 1
