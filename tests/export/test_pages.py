@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import io
 import json
 import re
 import subprocess
@@ -13,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import raymarch as rm
 from raymarch.errors import RaymarchError
@@ -234,3 +236,48 @@ class TestInABrowser:
                 pace.drawn(spent, all * share ** 2); } return [share, spent]; })()"""
         share, spent = browser.run(code.replace("BASE", str(base)))
         assert share > 0.2 and 1.5 * base < spent < 2.3 * base
+
+    def test_the_address_keeps_the_state(self, browser: chromium.Browser, tmp_path: Path) -> None:
+        """A link shows what was seen; one that was cut, or of another page, shows the start."""
+        file = page(CASES["parameters"], tmp_path)[0]
+        browser.open(file)
+        browser.run("raymarch.play(false)")
+        browser.drag((400, 200), (460, 180))
+        browser.run("document.querySelector('input[data-param=size]').focus()")
+        browser.call("Input.dispatchKeyEvent", type="keyDown", key="End", code="End", windowsVirtualKeyCode=35)
+        browser.run("new Promise((done) => setTimeout(done, 600))")
+        address, orbit = browser.run("[location.href, raymarch.state.orbit]")
+        assert orbit[0] != 0 and "#" in address
+        wait = "const wait = () => window.raymarch ? done() : setTimeout(wait, 20);"
+        other = f"{file.resolve().as_uri()}#%7B%22orbit%22:1%7D"
+        for link, same in ((address, True), (address[:-20], False), (other, False)):
+            browser.call("Page.navigate", url="about:blank")
+            browser.call("Page.navigate", url=link)
+            browser.run(f"new Promise((done) => {{ {wait} wait(); }})")
+            assert (browser.run("raymarch.state.orbit") == orbit) == same
+            assert (browser.run("raymarch.state.params.u_size") == 2.0) == same
+
+    def test_a_colour_is_picked_as_it_is_shown(self, browser: chromium.Browser, tmp_path: Path) -> None:
+        tint = rm.Param("tint", (1.0, 0.1247718, 0.06301), 0, 1)
+        browser.open(page(rm.Scene(rm.sphere().material(rm.Material(color=tint))), tmp_path)[0])
+        color = "document.querySelector('input[data-color=tint]')"
+        assert browser.run(f"{color}.value") == "#ff6347"
+        browser.run(f"{color}.value = '#808000', {color}.dispatchEvent(new Event('input'))")
+        assert browser.run("raymarch.state.params.u_tint") == pytest.approx([0.2158605, 0.2158605, 0], abs=1e-6)
+
+    def test_a_picture_is_saved_and_the_screen_filled(self, browser: chromium.Browser, tmp_path: Path) -> None:
+        browser.open(page(CASES["parameters"], tmp_path)[0])
+        hooks = "window.files = []; URL.createObjectURL = (blob) => { files.push(blob); return 'blob:x'; }; "
+        browser.run(hooks + "HTMLAnchorElement.prototype.click = function () { files.push(this.download); }")
+        wait = "new Promise((done) => setTimeout(done, 1000))"
+        browser.run(f"document.getElementById('save').click(), {wait}")
+        code = "files[0].arrayBuffer().then((b) => btoa(String.fromCharCode(...new Uint8Array(b))))"
+        saved = Image.open(io.BytesIO(base64.b64decode(browser.run(code))))
+        assert saved.size == (800, 450) and len(saved.getcolors(1 << 20) or ()) > 100
+        assert browser.run("files[1]").endswith(".png")
+        place = "document.getElementById('full').getBoundingClientRect()"
+        x, y = browser.run(f"[{place}.x + 9, {place}.y + 9]")
+        browser.drag((x, y), (x, y))
+        browser.run(wait)
+        assert browser.run("document.fullscreenElement !== null")
+        browser.run("document.exitFullscreen()")
