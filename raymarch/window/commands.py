@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from raymarch.errors import RaymarchError, SceneError
+from raymarch.export.film import check_film
 from raymarch.files import install, written
 from raymarch.gpu.views import VIEWS
 from raymarch.window import control
 from raymarch.window.accuracy import next_stop
 from raymarch.window.control import View
-from raymarch.window.differences import differences
 from raymarch.window.edits import Edits, params_as_python
 from raymarch.window.model import (
     SIDES,
@@ -33,16 +33,17 @@ from raymarch.window.model import (
     SavePicture,
     Series,
     Show,
+    WriteFilm,
     next_of,
 )
 from raymarch.window.news import Failed, Fault, Loaded, News, Started, Watching
 from raymarch.window.pick import Pick
-from raymarch.window.source import drafted
 from raymarch.window.state import shown
 from raymarch.window.timeline import Timeline
 from raymarch.window.undo import redo as redo
 from raymarch.window.undo import remember
 from raymarch.window.undo import undo as undo
+from raymarch.window.writing import write_values as write_values
 
 STEP = 0.02
 """Step of an arrow key as a fraction of the parameter's range; a tenth of it with Shift."""
@@ -354,10 +355,22 @@ def measure(model: Model) -> None:
 
 def save_picture(model: Model) -> None:
     """Save the complete picture, without panel and messages."""
-    model.request(SavePicture(_free(model, ".png"), model.state.timeline.time))
+    size = None if model.saved_size == "as shown" else model.saved_pixels
+    model.request(SavePicture(_free(model, ".png"), model.state.timeline.time, size))
 
 
-def save_sequence(model: Model) -> None:
+def save_film(model: Model) -> None:
+    """Save the loop, or some seconds from the current time, as a film."""
+    width, height = model.saved_pixels
+    try:
+        check_film(film := _free(model, ".mp4"), (width // 2 * 2, height // 2 * 2), model.state.timeline.fps)
+    except SceneError as fault:
+        model.notice(str(fault))
+        return
+    save_sequence(model, film)
+
+
+def save_sequence(model: Model, film: Path | None = None) -> None:
     """Save a sequence: the loop if there is one, else some seconds from the current time.
 
     A still scene is one picture."""
@@ -373,15 +386,16 @@ def save_sequence(model: Model) -> None:
     except OSError as fault:
         model.notice(f"cannot make the folder {folder}: {fault.strerror}")
         return
-    model.sequence = Series(folder, first, max(1, round((last - first) * line.fps)), line.fps)
-    model.notice(f"saving {model.sequence.count} pictures in {folder} (Esc stops)")
+    model.sequence = Series(folder, first, max(1, round((last - first) * line.fps)), line.fps, film=film)
+    model.notice(f"saving {model.sequence.count} pictures in {film or folder} (Esc stops)")
 
 
 def continue_sequence(model: Model) -> None:
     """Ask for the next picture of the sequence."""
     if (series := model.sequence) is not None:
         file = series.folder / f"frame-{series.done:04d}.png"
-        model.request(SavePicture(file, series.first + series.done / series.fps))
+        size = None if model.saved_size == "as shown" else model.saved_pixels
+        model.request(SavePicture(file, series.first + series.done / series.fps, size))
 
 
 def saved(model: Model, file: Path, fault: SceneError | None = None) -> None:
@@ -395,7 +409,10 @@ def saved(model: Model, file: Path, fault: SceneError | None = None) -> None:
         model.say("saved", file=str(file))
     else:
         series.done += 1
-        if series.done == series.count:
+        if series.done == series.count and series.film is not None:
+            model.request(WriteFilm(series.folder, series.film, series.fps))
+            model.sequence = None
+        elif series.done == series.count:
             model.notice(f"saved {series.count} pictures in {series.folder}")
             model.say("saved", file=str(series.folder), count=series.count)
             model.sequence = None
@@ -417,36 +434,6 @@ def _free(model: Model, ending: str) -> Path:
     """An unused file name in the current folder."""
     names = (Path(f"{model.state.file.stem}-{i}{ending}") for i in count(1))
     return next(name for name in names if not name.exists())
-
-
-# Values into the file
-
-
-def write_values(model: Model) -> None:
-    """Show what would change in the scene file; the second time, save that."""
-    if model.draft is None:
-        wanted, refused = differences(model.state)
-        draft = drafted(wanted)
-        if not draft.files:
-            reasons = [*refused, *draft.refused]
-            model.notice("\n".join(f"not written: {why}" for why in reasons) or "all values are those of the file")
-            return
-        model.draft = replace(draft, refused=(*refused, *draft.refused))
-        model.say("draft", text=model.draft.text())
-        return
-    draft, model.draft = model.draft, None
-    for file, (before, after) in draft.files.items():
-        if file.read_bytes() != before:
-            model.notice(f"{file.name} has changed meanwhile; nothing was written")
-            return
-        try:
-            with written(file) as partial:
-                partial.write_bytes(after)
-        except (SceneError, OSError) as fault:
-            model.notice(str(fault))
-            return
-        model.notice(f"wrote {file.name}")
-        model.say("wrote", file=str(file))
 
 
 # The window

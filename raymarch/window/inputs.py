@@ -95,6 +95,7 @@ BINDINGS = (
         Binding("f5", "F5", "reload the scene file", do.reload),
         Binding("p", "P", "save a PNG", do.save_picture),
         Binding("p", "Shift+P", "save the loop (or 2 seconds) as PNGs", do.save_sequence, shift=True),
+        Binding("p", "Ctrl+P", "save the loop (or 2 seconds) as a film, .mp4", do.save_film, control=True),
         Binding("s", "Ctrl+S", "save the settings: camera, parameters, time, view", do.save_settings, control=True),
         Binding("q", "Ctrl+Q", "quit", do.close, control=True),
     ),

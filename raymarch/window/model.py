@@ -39,6 +39,10 @@ SIDES = ("off", "exact", "truth")
 """What the right side of a split picture shows: the most exact setting, or the float64 reference."""
 
 
+SAVED_SIZES = ("as shown", "2 x", "4 x", "1920x1080", "3840x2160")
+"""Sizes of saved pictures: multiples of the picture in the window, or pixels."""
+
+
 class Log:
     """Writes the window's events as lines of JSON, for scripts, and flushes each; without a file it writes nothing."""
 
@@ -81,10 +85,20 @@ class Inspect:
 
 @dataclass(frozen=True, slots=True)
 class SavePicture:
-    """Save the complete picture at a time to a file."""
+    """Save the complete picture at a time to a file; of a size in pixels, by default that of the window's picture."""
 
     file: Path
     time: float
+    size: tuple[int, int] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class WriteFilm:
+    """Write the pictures of a folder as a film, and remove them."""
+
+    folder: Path
+    file: Path
+    fps: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,19 +143,22 @@ class Close:
     """Close the window."""
 
 
-Request: TypeAlias = Show | Inspect | SavePicture | Copy | Open | Edit | FullScreen | Interrupt | Measure | Close
+Request: TypeAlias = (
+    Show | Inspect | SavePicture | WriteFilm | Copy | Open | Edit | FullScreen | Interrupt | Measure | Close
+)
 
 
 @dataclass(slots=True)
 class Series:
     """A sequence of pictures, one of which is saved per turn of the main loop: `count` pictures in `folder` from time
-    `first` on, `done` of them so far."""
+    `first` on, `done` of them so far. `film` is the file that they are written to at the end."""
 
     folder: Path
     first: float
     count: int
     fps: float
     done: int = 0
+    film: Path | None = None
 
 
 @dataclass(slots=True)
@@ -189,6 +206,7 @@ class Model:
     """The state of the window.
 
     state : what is shown.
+    saved_size : of saved pictures, one of `SAVED_SIZES`.
     budget, samples : milliseconds of a frame while something moves; rays per pixel of a still picture.
     stops : the settings between fast and exact.
     size, density : of the window in pixels, and its display scale.
@@ -217,6 +235,7 @@ class Model:
     density: float = 1.0
     panel: bool | None = None
     compare: Compare = field(default_factory=Compare)
+    saved_size: str = "as shown"
     known: float = 0.0
     help: bool = False
     notices: list[tuple[float, str]] = field(default_factory=list)
@@ -250,6 +269,16 @@ class Model:
     def area(self) -> tuple[int, int]:
         """(width, height) of the picture in pixels: what the panel leaves free of the window."""
         return max(1, self.size[0] - self.panel_width), max(1, self.size[1])
+
+    @property
+    def saved_pixels(self) -> tuple[int, int]:
+        """(width, height) of saved pictures in pixels."""
+        (width, height), chosen = self.area, self.saved_size
+        if "x" in chosen and chosen.replace("x", "").isdigit():
+            wide, high = map(int, chosen.split("x"))
+            return wide, high
+        factor = int(chosen.split()[0]) if chosen.endswith(" x") else 1
+        return factor * width, factor * height
 
     @property
     def frame_budget(self) -> float:

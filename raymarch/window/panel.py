@@ -11,7 +11,7 @@ from raymarch.window import control
 from raymarch.window.editors import Editors
 from raymarch.window.fields import FIELD, Fields
 from raymarch.window.meters import Meters
-from raymarch.window.model import SIDES, Model
+from raymarch.window.model import SAVED_SIZES, SIDES, Model
 from raymarch.window.timeline import Timeline
 
 
@@ -97,9 +97,11 @@ class Panel:
         changed, samples = imgui.slider_int("samples", model.samples, 1, 256)
         if changed:
             do.set_pace(model, samples=samples)
+        model.saved_size = fields.choice("of saved pictures", SAVED_SIZES, model.saved_size)
         for label, act in (
             ("save PNG", do.save_picture),
             ("sequence", do.save_sequence),
+            ("film", do.save_film),
             ("settings", do.save_settings),
         ):
             if fields.button(label):

@@ -27,6 +27,7 @@ from raymarch.window.accuracy import Stop, preset_stops
 from raymarch.window.comparison import Comparison
 from raymarch.window.constants import CLICKED, Constants
 from raymarch.window.events import Drop, Event
+from raymarch.window.filming import filmed
 from raymarch.window.inputs import Mouse, flying
 from raymarch.window.messages import Message, messages_of
 from raymarch.window.model import (
@@ -43,6 +44,7 @@ from raymarch.window.model import (
     Request,
     SavePicture,
     Show,
+    WriteFilm,
 )
 from raymarch.window.news import Fault
 from raymarch.window.overlay import Bar, Overlay
@@ -384,8 +386,11 @@ class Viewer:
                     do.take_pick(model, self._pick(x, y), focus)
                 except RaymarchError as fault:
                     do.report(model, Fault.of(fault))
-            case SavePicture(file, time):
-                self._save(file, time)
+            case SavePicture(file, time, pixels):
+                self._save(file, time, pixels or model.area)
+            case WriteFilm(folder, file, fps):
+                self._announce(f"writing {file}")
+                do.saved(model, file, filmed(folder, file, fps))
             case Copy(text):
                 self.window.clip(text)
             case Open(file):
@@ -454,9 +459,9 @@ class Viewer:
         self._inquiry.ask(pick, shot, values, origin, ray)
         return pick
 
-    def _save(self, file: Path, time: float) -> None:
+    def _save(self, file: Path, time: float, size: tuple[int, int]) -> None:
         """Save the complete picture at a time, as `raymarch render` would draw it with this camera."""
-        state, size = self.model.state, self.model.area
+        state = self.model.state
         made = self.picture.at(size).render(state.scene, time, state.params, VIEWS[state.view], pose=state.pose())
         try:
             with written(file) as partial:

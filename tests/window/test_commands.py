@@ -405,3 +405,12 @@ def test_a_value_out_of_its_range_is_said() -> None:
 def test_a_wrong_parameter_is_an_error(change: Callable[[Model], None]) -> None:
     with pytest.raises(SceneError, match="parameter"):
         change(model_of())
+
+
+def test_pictures_are_saved_in_a_chosen_size() -> None:
+    model = model_of()
+    for chosen, size in (("as shown", None), ("2 x", (640, 400)), ("1920x1080", (1920, 1080))):
+        model.saved_size = chosen
+        press(model, "p")
+        request = model.requests.pop()
+        assert isinstance(request, SavePicture) and request.size == size

@@ -7,6 +7,7 @@ import signal
 from collections.abc import Callable
 from pathlib import Path
 
+import av
 import numpy as np
 from PIL import Image
 
@@ -136,6 +137,14 @@ def test_a_scene_that_moves(view: View, tmp_path: Path) -> None:
     with rm.Renderer(SIZE) as renderer:
         for i, file in enumerate(files):
             assert alike(Image.open(file), renderer.render(scene, i / 30, {"radius": 1.4}).image())
+    # The same as a film, which has the same pictures.
+    mark = session.mark()
+    hand.key("Control_L", "p")
+    film = session.folder / session.wait("saved", since=mark)["file"]
+    with av.open(film) as container:
+        frames = [frame.to_ndarray(format="rgb24").astype(int) for frame in container.decode(video=0)]
+    assert film.suffix == ".mp4" and len(frames) == 3 and not (session.folder / "scene-2").exists()
+    assert np.abs(frames[2] - np.asarray(Image.open(files[2]).convert("RGB"), int)).mean() < 3
     session.process.send_signal(signal.SIGINT)
     assert session.end() == 130
     assert session.complaints() == ""
