@@ -64,6 +64,9 @@ def reads_field(light: Light) -> bool:
     return light.soft and light.penumbra != "sampled"
 
 
+DISTANT = "Quality(integrator='path') or penumbra='sampled' does not read distances"
+
+
 def misread(scene: Scene) -> list[Doubt]:
     """Doubts about effects that read the field as a distance, where it is shorter or falls to 0 without a surface."""
     effect = "AmbientOcclusion" if scene.occlusion is not None else ""
@@ -75,13 +78,18 @@ def misread(scene: Scene) -> list[Doubt]:
     if (node := flush_cut(scene.node)) is not None:
         what = f"{node.name} cuts flush with a face, where {effect} reads a membrane of no thickness that is not drawn"
         found.append(Doubt("plan", what, "a tool that reaches beyond the face", where=node.where))
+    implicit = next((node for node in all_nodes(scene.node) if node.definition.name == "implicit_solid"), None)
+    if implicit is not None:
+        what = (
+            f"{effect} reads an implicit surface as a distance, which it is to first order at the surface only: light"
+        )
+        found.append(Doubt("plan", f"{what} is off by .05 on average, and by up to .7", DISTANT, where=implicit.where))
     least = least_slope(scene.node)
     if least == 1.0:
         return found
-    cure = "Quality(integrator='path') or penumbra='sampled' does not read distances"
     what = f"{effect} reads a field that is {least:.2g} times the distance near a surface that is scaled or bent"
     so = "this is corrected to first order there, so it is too dark" if least < CORRECTED else "it is too dark there"
-    return [*found, Doubt("plan", f"{what}; {so}", cure)]
+    return [*found, Doubt("plan", f"{what}; {so}", DISTANT)]
 
 
 def largest_size(scene: Scene) -> float:

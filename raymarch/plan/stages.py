@@ -34,7 +34,7 @@ from raymarch.plan.passes import ATTACHMENTS, BEFORE, Pass, picture_passes, spli
 from raymarch.scene.origin import DefaultView, default_view, origin_of, refuse_extent, seen_from
 from raymarch.scene.scene import Scene
 from raymarch.sdf.advance import Advancing
-from raymarch.sdf.levels import of_first_order, slope_to_correct
+from raymarch.sdf.levels import over_slope, slope_to_correct
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
 from raymarch.sdf.visibility import KINDS, hidden_from, hiding_nodes, labels_hidden_from
@@ -300,9 +300,10 @@ def surfaces_of(asked: Asked, fields: FieldPlan, lowering: Lowering) -> SurfaceP
     reads = shaded and (soft or scene.occlusion is not None)
     least = slope_to_correct(solid) if reads else 1.0
     if reads and (solid.facts.divided or least < 1.0):
-        name = "undivided_field"
-        whole = lowering.again().field(solid, name if least == 1.0 else "whole_field", undivided=True)
-        undivided = hoist(whole if least == 1.0 else of_first_order(whole, least, name))
+        reading = lowering.again()
+        if least < 1.0:
+            reading = replace(reading, distances=over_slope(solid), _functions={})
+        undivided = hoist(reading.field(solid, "undivided_field", undivided=True))
         r = var("r", FLOAT)
         slope = (solid.facts.undivided / solid.facts.lipschitz if solid.facts.divided else 1.0) / least
         further += [undivided, Function("divided", (r,), r / slope)] if soft else []

@@ -4,7 +4,7 @@ steep the field is there."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 
 import numpy as np
@@ -167,11 +167,15 @@ def least_slope(root: Node) -> float:
 
     1 for a field that may be read as a distance: if no slope is below `SHORT`, or known.
     """
-    uneven = [node for node in all_nodes(root) if node.placed_as in ("stretch", "deform")]
-    stretched = [node for node in uneven if node.exactness != "exact"]
-    slopes = [slopes_at_surface(node) for node in stretched[:MEASURED]]
-    least = min((slope[0] for slope in slopes if slope is not None), default=1.0)
+    least = min((slopes[0] for _, slopes in _uneven(root)), default=1.0)
     return least if least < SHORT else 1.0
+
+
+def _uneven(root: Node) -> list[tuple[Node, tuple[float, float]]]:
+    """The nodes whose fields are no distances near their surface, with their least and largest slope there."""
+    uneven = [n for n in all_nodes(root) if n.placed_as in ("stretch", "deform")]
+    uneven = [n for n in uneven if n.exactness != "exact" and n.dimension == 3][:MEASURED]
+    return [(node, slopes) for node in uneven if (slopes := slopes_at_surface(node)) is not None]
 
 
 CORRECTED = 0.6
@@ -179,21 +183,35 @@ CORRECTED = 0.6
 
 
 def slope_to_correct(root: Node) -> float:
-    """The `least_slope` of a field that effects divide by its slope; 1 for one that they do not."""
-    least = least_slope(root)
-    return least if least < CORRECTED else 1.0
+    """The least slope of fields that effects divide by their slope; 1 if they divide none."""
+    return min((slopes[0] for _, slopes in _uneven(root) if slopes[0] < CORRECTED), default=1.0)
 
 
-def of_first_order(undivided: Function, least: float, name: str) -> Function:
+def over_slope(root: Node) -> Callable[[Node], Callable[[Function], Function] | None]:
+    """How fields of the nodes of a tree are read as distances, for `Lowering.distances`.
+
+    Each is divided by its own slope, before it is compared with others, as in a union. None for a node that is read as
+    it is.
+    """
+    chosen = {id(node): slopes[0] for node, slopes in _uneven(root) if slopes[0] < CORRECTED}
+
+    def reading(node: Node) -> Callable[[Function], Function] | None:
+        least = chosen.get(id(node))
+        return None if least is None else lambda function: of_first_order(function, least)
+
+    return reading
+
+
+def of_first_order(field: Function, least: float) -> Function:
     """A field over its slope: the distance, to first order at the surface.
 
     least : the least slope near the surface. Where the field is flatter, as in the middle of a solid, it says nothing
     of the distance.
     """
-    p = undivided.params[0]
-    both = companion(undivided)(p)
+    p, *others = field.params
+    both = companion(field)(p, *others)
     slope = length(vec3(both.x, both.y, both.z))
-    return Function(name, (p,), both.w / clamp(slope, least, 1e9), where=undivided.where)
+    return Function(f"{field.name}_distance", field.params, both.w / clamp(slope, least, 1e9), where=field.where)
 
 
 FLAT = 16.0

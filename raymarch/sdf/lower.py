@@ -220,6 +220,8 @@ class Lowering:
     """How objects that are rows of a table are evaluated; None asks every row."""
     bounding: Bounding | None = None
     """Chooses the operands that are evaluated in their boxes only; None evaluates all operands everywhere."""
+    distances: Callable[[Node], Callable[[Function], Function] | None] | None = None
+    """For effects that read distances: how a node's field is read as one; see `raymarch.sdf.levels.over_slope`."""
     _numbers: dict[int, int] = field(default_factory=dict)
     names: dict[Expr, str] = field(default_factory=dict)
     _sites: dict[Any, int] = field(default_factory=dict)
@@ -262,6 +264,8 @@ class Lowering:
         request: Request = root, q, given, undivided and root.facts.divided
         body = run(request, lambda each: self._noted(*each), lambda each: (id(each[0]), *each[1:]), self._done)
         body = self._probed(body, q, root, None)
+        if (read := self._reads(root)) is not None:
+            body = read(Function(f"{name}_written", (p,), body, self.names, root.where))(p)
         if find([body], "cell"):
             what = f"{root.name} depends on the index of a cell outside of repeat_varied"
             legal = "the index only inside the function that repeat_varied calls"
@@ -441,7 +445,8 @@ class Lowering:
         """The child at a point: its expression, or a call if it is evaluated at several places."""
         solid = _unlabelled(child)
         undivided = undivided and solid.facts.divided
-        repeated = self._sites.get(self._key(solid), 0) > 1 and _is_large(solid)
+        read = self._reads(solid)
+        repeated = read is not None or (self._sites.get(self._key(solid), 0) > 1 and _is_large(solid))
         if label is not UNMARKED and label is not PARTS and repeated and self._grouping and child.labelled:
             key = self._key(child), undivided
             if key not in self._groups:
@@ -464,9 +469,13 @@ class Lowering:
                 v for v in free_variables([body]) if v is not p and v is not RAY_KIND
             ]  # of objects that are rows
             made = Function(name, (p, *formal, *numbers), closed, self.names, solid.where)
+            made = made if read is None else read(made)
             self._functions[key] = (made, [*cells, *numbers])
         function, given = self._functions[key]
         return function(point, *given)
+
+    def _reads(self, node: Node) -> Callable[[Function], Function] | None:
+        return None if self.distances is None else self.distances(node)
 
     def _group(self, child: Node, undivided: bool) -> Generator[Request, Expr, Group | None]:
         """The group of a labelled subtree; None if one of its parts has no label of its own, or one that varies."""

@@ -23,7 +23,7 @@ from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.facts import Facts
-from raymarch.sdf.levels import may_touch, of_first_order, slope_to_correct
+from raymarch.sdf.levels import may_touch, over_slope, slope_to_correct
 from raymarch.sdf.lower import SCENE_INTERACTION, Lowering, material_expressions
 from raymarch.sdf.node import Node
 from raymarch.sdf.visibility import hiding_nodes
@@ -79,8 +79,8 @@ class Field:
         least = self._least_slope
         if not self._node.facts.divided and least == 1.0:
             return self._root_of_rays
-        whole = Lowering(rays=self._rays).field(self._node, undivided=True)
-        return whole if least == 1.0 else of_first_order(whole, least, "distance")
+        reading = over_slope(self._node) if least < 1.0 else None
+        return Lowering(rays=self._rays, distances=reading).field(self._node, undivided=True)
 
     @cached_property
     def _least_slope(self) -> float:

@@ -89,3 +89,35 @@ def test_a_membrane_that_an_effect_reads_is_doubted(flush: str) -> None:
     assert "beyond the face" in doubt and __file__ in doubt
     assert doubts(10, occlusion=rm.AmbientOcclusion(), sky=rm.Sky(light=True))
     assert not doubts(10, lights=[hard]) and not doubts(12, lights=[soft])
+
+
+def test_an_uneven_scale_is_divided_before_a_union_compares_it(renderer: rm.Renderer) -> None:
+    """A flat cylinder on a floor. Over the slope of the union, the cylinder hides the floor's nearer surface."""
+    renderer.resize((48, 36))
+    scene = rm.Scene(
+        rm.cylinder(1, 0.4).translate((0, 0.2, 0)) | rm.plane(),
+        rm.Camera((3, 2, 4), (0, 0.3, 0), fov=38),
+        lights=[],
+        sky=rm.Sky((1, 1, 1), light=True),
+        occlusion=rm.AmbientOcclusion(reach=0.5),
+    )
+    scaled = scene.replace(node=rm.cylinder(0.5, 0.8).scale((2, 0.5, 2)).translate((0, 0.2, 0)) | rm.plane())
+    error = np.abs(renderer.render(scaled).color - renderer.render(scene).color)
+    assert np.quantile(error, 0.99) < 0.05 and error.mean() < 0.005
+    reference = rm.truth(scaled, size=renderer.size).color
+    found = renderer.render(scaled).color
+    renderer.resize((15, 15))
+    assert np.quantile(np.abs(found - reference), 0.98) < 0.01
+
+
+def test_an_implicit_surface_that_an_effect_reads_is_doubted() -> None:
+    node = rm.implicit(lambda p: p.x**4 + p.y**4 + p.z**4 - 1, 1.1) | rm.plane(offset=-1)
+
+    def doubts(**given: object) -> list[str]:
+        return [d for d in plan(rm.Scene(node, **given)).warnings if "implicit surface" in d]
+
+    (doubt,) = doubts(lights=[rm.Sun((1, 2, 1), shadow=True, softness=0.1)])
+    assert "penumbra='sampled'" in doubt and __file__ in doubt
+    assert doubts(occlusion=rm.AmbientOcclusion(), sky=rm.Sky(light=True))
+    assert not doubts(lights=[rm.Sun((1, 2, 1), shadow=True, softness=0.1, penumbra="sampled")])
+    assert not doubts(lights=[rm.Sun((1, 2, 1), shadow=True)])
