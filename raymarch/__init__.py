@@ -67,6 +67,7 @@ attach(
         "png": "raymarch.export.notebook:png",
         "for_error": "raymarch.cost:for_error",
         "for_time": "raymarch.cost:for_time",
+        "warn_of_values": "raymarch.scene.legal:warn_of_values",
         "materials_by_value": "raymarch.scene.material:materials_by_value",
     }
 )

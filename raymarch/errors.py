@@ -10,7 +10,7 @@ import os
 import sys
 import sysconfig
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from types import FrameType
@@ -172,6 +172,19 @@ class RenderError(RaymarchError):
 
 class RenderWarning(UserWarning):
     """A picture that may be wrong, with the reason."""
+
+
+def warn_of_doubts(doubts: Iterable[str]) -> None:
+    """Emit each doubt as a RenderWarning at the user's line; by default a repeated text appears once for each line."""
+    place = user_location()
+    for doubt in doubts:
+        if place is None:
+            warnings.warn(doubt, RenderWarning, stacklevel=3)
+        else:
+            warnings.warn_explicit(doubt, RenderWarning, place.file, place.line, registry=_said)
+
+
+_said: dict[Any, Any] = {}
 
 
 def user_location() -> Location | None:

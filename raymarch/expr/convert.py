@@ -216,4 +216,5 @@ def called(what: str, function: Callable[..., T], *args: Any, legal: str) -> T:
 def short_fault(fault: BaseException) -> str:
     """A Python exception as one line of a message."""
     text = " ".join(str(fault).split())
-    return text[:LONGEST] if isinstance(fault, TypeError) else f"{type(fault).__name__}: {text[:LONGEST]}"
+    text = text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+    return text if isinstance(fault, TypeError) else f"{type(fault).__name__}: {text}"

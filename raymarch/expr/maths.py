@@ -67,6 +67,8 @@ def _of_arrays(function: Callable[P, Expr], called: str, legal: str, vectors: bo
         given = _arguments(signature, called, args, kwargs)
         if builtins.any(map(_holds_expression, given)):
             return function(*args, **kwargs)
+        if not vectors and (read := next((a for a in given if hasattr(a, "computed")), None)) is not None:
+            return read.computed(function, *given)
         if (solid := next((a for a in given if hasattr(a, "complement")), None)) is not None:
             raise SceneError(f"{called} of a solid ({solid.name})", legal=OF_SOLIDS.get(called, legal))
         arrays = [numbers(f"{called}: argument", linear_color(f"{called}: argument", a, legal), legal) for a in given]

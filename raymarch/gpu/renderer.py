@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from raymarch.errors import DeviceError, RenderError
+from raymarch.errors import DeviceError, RenderError, warn_of_doubts
 from raymarch.expr.arrays import bound
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import real, switch
@@ -278,7 +278,7 @@ class Renderer:
             _unread=unread,
         )
         if not self.strict:
-            vouch.warn(broken)
+            warn_of_doubts(broken)
         elif doubts := frame.doubts(steps=True):
             raise RenderError(doubts)
         return frame
@@ -598,7 +598,7 @@ def render(
     with Renderer(size, backend, strict=strict) as renderer:
         frame = renderer.render(scene, time, params)
         if not strict:
-            vouch.warn(doubt for doubt in frame.doubts(steps=True) if doubt not in frame.warnings)
+            warn_of_doubts(doubt for doubt in frame.doubts(steps=True) if doubt not in frame.warnings)
         image = frame.image(alpha)
         del frame  # so that closing reads no arrays
         return image

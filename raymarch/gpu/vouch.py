@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.errors import Doubt, RenderWarning, user_location
+from raymarch.errors import Doubt
 from raymarch.expr.arrays import bound
 from raymarch.gpu.prepare import Prepared
 from raymarch.plan.objects import misread
@@ -38,18 +36,6 @@ gallery reaches 0.02."""
 
 STATED = 32
 """Number of nodes with facts of the user that are sampled."""
-
-_said: dict[Any, Any] = {}
-
-
-def warn(doubts: Iterable[str]) -> None:
-    """Emit each doubt as a RenderWarning at the user's line; by default a repeated text appears once for each line."""
-    place = user_location()
-    for doubt in doubts:
-        if place is None:
-            warnings.warn(doubt, RenderWarning, stacklevel=3)
-        else:
-            warnings.warn_explicit(doubt, RenderWarning, place.file, place.line, registry=_said)
 
 
 def sparse_size(size: tuple[int, int]) -> tuple[int, int]:
@@ -133,7 +119,8 @@ def inside(ready: Prepared, values: Values, pose: Pose) -> Doubt | None:
         depth = -float(np.ravel(ready.distance((pose.position - ready.plan.origin)[None])[0])[0])
     if not depth > 0.0:
         return None
-    what = f"the camera is {depth:.3g} deep inside a solid, whose inner side is shown"
+    least = "" if scene.node.exactness == "exact" else "at least "
+    what = f"the camera is {least}{depth:.3g} deep inside a solid, whose inner side is shown"
     return Doubt("values", what, "move it, or hide the solid: node.visible(camera=False)")
 
 

@@ -22,6 +22,7 @@ from raymarch.proof.pixels import coverage
 from raymarch.proof.rays import Rays
 from raymarch.proof.search import CONTRADICTED, OPEN, PROVED, Given, Verdict, judge
 from raymarch.scene.camera import Pose
+from raymarch.scene.legal import warn_of_values
 from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.scene import Scene, as_scene
 from raymarch.sdf.node import Node
@@ -214,6 +215,7 @@ def prove(
     height, width = depth.shape
     at = time if time is not None else float(getattr(frame, "time", 0.0))
     values = set_values(scene.parameters, params, at, scene.where)
+    warn_of_values(scene.node, values.params, values.time)
     pose = scene.pose(values, width / height)
     rays = _rays(pose, (width, height))
     hit = depth.ravel()

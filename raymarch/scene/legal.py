@@ -6,12 +6,13 @@ and illegal in the next. Each frame checks it in float64 on the CPU, by the rule
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
 
-from raymarch.errors import Doubt, Location, SceneError
+from raymarch.errors import Doubt, Location, SceneError, warn_of_doubts
 from raymarch.expr.arrays import SMALLEST, bound, evaluator
 from raymarch.expr.convert import LARGEST
 from raymarch.expr.intervals import interval_of
@@ -32,14 +33,23 @@ class Condition(Protocol):
 
 def conditions_of(scene: Scene) -> list[Condition]:
     """The conditions to check in each frame, because they could not be proven when the scene was built."""
-    nodes = [_NodeIsLegal(node) for node in all_nodes(scene.node) if _is_open(node)]
-    return [*nodes, *(_IsWithin(marked) for marked in find(scene.expressions(), "within"))]
+    return [*_conditions_of_solid(scene.node), *(_IsWithin(marked) for marked in find(scene.expressions(), "within"))]
 
 
 def violations(conditions: Sequence[Condition], values: Values) -> list[str]:
     """The violations in a frame, one sentence each."""
     found = (condition.broken(values) for condition in conditions)
     return list(dict.fromkeys(sentence for sentence in found if sentence is not None))
+
+
+def warn_of_values(root: Node, params: Mapping[str, Any], time: float) -> None:
+    """RenderWarning for parameters of a solid that are out of range in a frame, as `render` warns of them."""
+    warn_of_doubts(violations(_conditions_of_solid(root), Values(params, time)))
+
+
+@lru_cache(64)
+def _conditions_of_solid(root: Node) -> list[Condition]:
+    return [_NodeIsLegal(node) for node in all_nodes(root) if _is_open(node)]
 
 
 def _moving(node: Node) -> list[str]:

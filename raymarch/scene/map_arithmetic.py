@@ -15,7 +15,13 @@ from raymarch.sdf.domain import as_operand
 
 Operator: TypeAlias = Callable[[Any, Any], Any]
 
-SYMBOLS = {operator.add: "+", operator.sub: "-", operator.mul: "*", operator.truediv: "/", operator.pow: "**"}
+SYMBOLS: dict[Callable[..., Any], str] = {
+    operator.add: "+",
+    operator.sub: "-",
+    operator.mul: "*",
+    operator.truediv: "/",
+    operator.pow: "**",
+}
 LEGAL = "a texture, a number, a parameter or a colour"
 
 
@@ -52,6 +58,11 @@ class MapValue(ABC):
     __truediv__, __rtruediv__ = _both_ways(operator.truediv)
     __pow__, __rpow__ = _both_ways(operator.pow)
 
+    @staticmethod
+    def computed(function: Callable[..., Any], *given: Any) -> MapExpression:
+        """A function of `raymarch` of maps, numbers and colours, such as `rm.max(picture, 0.1)`."""
+        return MapExpression(function, *given)
+
     def __neg__(self) -> MapExpression:
         return -1.0 * self
 
@@ -69,10 +80,13 @@ class MapExpression(MapValue):
         self._operands = tuple(given if isinstance(given, MapValue) else _constant(given) for given in operands)
 
     def __repr__(self) -> str:
-        left, right = (
-            given.data.tolist() if isinstance(given, Expr) and given.is_constant else given for given in self._operands
-        )
-        return f"({left!r} {SYMBOLS[self._compute]} {right!r})"
+        shown = [
+            repr(given.data.tolist() if isinstance(given, Expr) and given.is_constant else given)
+            for given in self._operands
+        ]
+        if self._compute in SYMBOLS:
+            return f"({shown[0]} {SYMBOLS[self._compute]} {shown[1]})"
+        return f"{self._compute.__name__}({', '.join(shown)})"
 
     def color(self, p: Expr) -> Expr:
         return self._of([given.color(p) if isinstance(given, MapValue) else given for given in self._operands])

@@ -16,10 +16,10 @@ from raymarch.errors import SceneError
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.colors import linear_color
 from raymarch.expr.convert import called
-from raymarch.expr.node import Expr, Operand, expr
-from raymarch.expr.types import vector
+from raymarch.expr.node import Expr, Operand, const, expr, var
+from raymarch.expr.types import FLOAT, vector
 from raymarch.expr.vocabulary import clamp, vec3
-from raymarch.expr.walk import find, free_variables
+from raymarch.expr.walk import find, free_variables, substitute
 from raymarch.scene.map_arithmetic import MapExpression
 from raymarch.scene.parameter import as_color, as_number
 from raymarch.scene.texture import Texture, share_projection
@@ -57,7 +57,10 @@ def material_value(name: str, value: Any, size: int, low: float, high: float) ->
         )
     if isinstance(value, MapExpression):
         try:
-            return _pattern(what, value.number if size == 1 else value.color, size, low, high)
+            read = value.number if size == 1 else value.color
+            made = _pattern(what, read, size, low, high)
+            _check_texels(what, read(POSITION), low, high)
+            return made
         except SceneError as fault:
             said = fault.what.removeprefix(f"{what}: ").replace("the function gives", f"{value!r} gives")
             raise SceneError(f"{what}: {said}", legal=fault.legal) from None
@@ -79,12 +82,41 @@ def _picture(what: str, value: Texture, size: int, low: float, high: float) -> E
     for read in find([made], "texture"):
         least, most = (float(end(read.data.levels[0])) for end in (np.min, np.max))
         if not low <= least <= most <= high:
-            ends = f"from {low:g} to {high:g}" if high < np.inf else f">= {low:g}"
-            raise SceneError(
-                f"{what}: '{value.file}' has values from {least:.4g} to {most:.4g}", legal=f"values {ends}"
-            )
+            what = f"{what}: '{value.file}' has values from {least:.4g} to {most:.4g}"
+            raise SceneError(what, legal=_ends(low, high))
     _pictures[made] = (size, low, high)
     return made
+
+
+STEPS = 65
+"""Values of each texture, from its least to its greatest, at which arithmetic of up to two textures is checked."""
+
+
+def _check_texels(what: str, made: Expr, low: float, high: float) -> None:
+    """SceneError for arithmetic of textures that leaves its range for values that they have. Between texels a texture
+    takes all values; two textures are taken to be independent."""
+    reads = list(find([made], "texture"))
+    if not 0 < len(reads) <= 4 or POSITION in free_variables(
+        substitute([made], {r: const(np.zeros(r.type.shape)) for r in reads})[0:1]
+    ):
+        return
+    ends = [(float(np.min(r.data.levels[0])), float(np.max(r.data.levels[0]))) for r in reads]
+    grid = np.meshgrid(*[np.linspace(*each, STEPS if len(reads) <= 2 else 2) for each in ends])
+    places = [var(f"texel {i}", r.type) for i, r in enumerate(reads)]
+    body = substitute([made], dict(zip(reads, places, strict=True)))[0]
+    at = [
+        g.ravel() if r.type is FLOAT else np.repeat(g.reshape(-1, 1), r.type.shape[0], 1)
+        for g, r in zip(grid, reads, strict=True)
+    ]
+    values = evaluator([body], places)(*at)[0]
+    least, most = float(np.min(values)), float(np.max(values))
+    slack = 1e-6 * max(abs(least), abs(most))
+    if not low - slack <= least <= most <= high + slack:
+        raise SceneError(f"{what}: the function gives values from {least:.4g} to {most:.4g}", legal=_ends(low, high))
+
+
+def _ends(low: float, high: float) -> str:
+    return f"values from {low:g} to {high:g}" if high < np.inf else f"values >= {low:g}"
 
 
 def _pattern(what: str, function: Callable[[Expr], Any], size: int, low: float, high: float) -> Expr:

@@ -124,7 +124,9 @@ def _traced(source: Any) -> Function:
 
     def of_point(p: Expr) -> Any:
         given = called("implicit: function", source, p, legal=LEGAL)
-        return as_operand("implicit: the function gives", given, LEGAL)
+        if given is None:
+            raise SceneError("implicit: the function gives None", legal=LEGAL)
+        return as_operand("implicit: the value of the function", given, LEGAL)
 
     code = getattr(source, "__code__", of_point.__code__)
     name = getattr(source, "__name__", "surface").strip("<>")
@@ -218,12 +220,10 @@ def _refuse(function: Function, values: NDArray[np.float64], points: NDArray[np.
     if flat.min() >= 0.0:
         at, least = points[flat.argmin()].tolist(), flat.min()
         what = f"implicit: {function.name} is nowhere below its level in the box: {least:g} above it at least, at {at}"
-        raise SceneError(what, legal="values below the level inside: another level or box, or -f", where=function.where)
+        raise SceneError(what, legal="values below the level inside: another level or box, or -f")
     if flat.max() <= 0.0:
-        what = f"implicit: {function.name} is below its level everywhere in the box, so the solid is the box"
-        raise SceneError(
-            what, legal="values above the level outside: another level or box, or -f", where=function.where
-        )
+        what = f"implicit: {function.name} is below its level everywhere in the box, by {-flat.max():g} at least"
+        raise SceneError(f"{what}: the solid is the box", legal="values above the level outside: another level or box")
 
 
 def _cells(

@@ -16,6 +16,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from raymarch.conveniences import carried_out_by
 from raymarch.errors import Location, SceneError
 from raymarch.expr.arrays import bound, evaluator_of
 from raymarch.expr.convert import real, short
@@ -610,13 +611,16 @@ def values_bound(node: Node, time: float, params: Mapping[str, Any] | None) -> A
     if not params and seconds == 0.0:
         return nullcontext()  # the defaults, or what is bound around the call
     if not params:
+        carried_out_by("warn_of_values")(node, {}, seconds)
         return bound({}, seconds)
     specs = {leaf.data.name: leaf.data for leaf in find(field_of(node).inner, "param")}
     for name in params:
         if name not in specs:
             known = ", ".join(sorted(specs)) or "none; this solid has no Param"
             raise SceneError(f"unknown parameter '{name}' = {short(params[name])}", legal=f"one of: {known}")
-    return bound({name: specs[name].accept(value) for name, value in params.items()}, seconds)
+    known_values = {name: specs[name].accept(value) for name, value in params.items()}
+    carried_out_by("warn_of_values")(node, known_values, seconds)
+    return bound(known_values, seconds)
 
 
 def undivided_field(node: Node) -> Function:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from raymarch.errors import SceneError
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import numbers, real
+from raymarch.scene.legal import warn_of_values
 from raymarch.scene.parameter import ParamValue, set_values
 from raymarch.scene.scene import HORIZON, Scene, as_scene
 from raymarch.sdf.node import Node
@@ -101,6 +102,7 @@ def raycast(
         raise SceneError("raycast: directions hold (0, 0, 0)", legal="any length but 0")
     limit = real("raycast: far", far, 0.0, np.inf, "a length > 0")
     values = set_values(made.parameters, params, time)
+    warn_of_values(made.node, values.params, values.time)
     field, facts = field_of(made, values), made.node.facts
     start, along = np.broadcast_to(start, (count, 3)), np.broadcast_to(unit(along), (count, 3))
     if not facts.bounded:

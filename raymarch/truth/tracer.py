@@ -14,6 +14,7 @@ from raymarch.errors import SceneError
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import short
 from raymarch.scene.camera import Pose
+from raymarch.scene.legal import warn_of_values
 from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.scene import Scene, as_scene
 from raymarch.sdf.node import Node
@@ -162,6 +163,7 @@ def truth(
         if not isinstance(name, str) or name not in OUTPUTS:
             raise SceneError(f"truth: output {short(name)}", legal=", ".join(OUTPUTS))
     values = set_values(scene.parameters, params, time)
+    warn_of_values(scene.node, values.params, values.time)
     pose = scene.pose(values, width / height)
     result = trace(scene, values, pose, camera_rays(pose, width, height), (height, width), pose.pixel(height))
     if scene.motion_blur:

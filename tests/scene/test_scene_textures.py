@@ -230,3 +230,27 @@ def test_a_picture_of_more_than_16_bits_is_refused(tmp_path: Path) -> None:
     Image.fromarray(np.full((2, 2), 200_000, np.int32)).save(tmp_path / "deep.tif")
     with pytest.raises(rm.SceneError, match="16 bits"):
         rm.Material(roughness=rm.planar(tmp_path / "deep.tif", 1.0))
+
+
+def test_arithmetic_of_maps_is_checked_for_the_values_that_they_have() -> None:
+    """One white texel of 64 x 64 suffices. Read twice, a texture is one; rm.clamp makes all legal."""
+    spike, ramp = np.zeros((64, 64)), np.linspace(0, 1, 64 * 64).reshape(64, 64)
+    spike[33, 47] = 1.0
+    white, grey = rm.planar(spike, 1, "y"), rm.planar(ramp, 1, "y")
+
+    def material(value: Any) -> rm.Material:
+        return rm.Material(albedo=(0.5, 0.5, 0.5), roughness=value)
+
+    for value, ends in (
+        (3 * white, "from 0 to 3"),
+        (0.2 + 0.9 * grey, "from 0.2 to 1.1"),
+        (grey - 0.2, "from -0.2 to 0.8"),
+    ):
+        with pytest.raises(rm.SceneError, match=f"gives values {ends} .values from 0 to 1.") as caught:
+            material(value)
+        assert __file__ in str(caught.value)
+    for value in (grey - 0.5 * grey, 4 * grey * (1 - grey), rm.clamp(3 * white, 0, 1), rm.max(grey, 0.1) ** 0.5):
+        material(value)
+    assert repr(rm.mix(0.1, 0.9, grey)).startswith("mix(0.1, 0.9, Texture(")
+    blue = rm.Material(albedo=rm.mix("red", "blue", grey)).albedo
+    assert blue.type is rm.Material(albedo="red").albedo.type

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -70,3 +73,24 @@ def test_what_cannot_be_is_refused(call: object, words: str) -> None:
     with pytest.raises(rm.SceneError) as refused:
         call()  # type: ignore[operator]
     assert words in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda node: node.distance((0, 0, 3), time=-1),
+        lambda node: node.gradient((0, 0, 3), time=-1),
+        lambda node: rm.raycast(node, (0, 0, 5), (0, 0, -1), time=-1),
+        lambda node: rm.truth(node, (4, 4), time=-1),
+        lambda node: rm.prove(node, rm.truth(node, (4, 4), time=1), time=-1),
+    ],
+    ids=["distance", "gradient", "raycast", "truth", "prove"],
+)
+def test_values_out_of_range_are_warned_of_as_in_a_picture(ask: Any) -> None:
+    node = rm.sphere(rm.time)
+    with pytest.warns(rm.RenderWarning, match="sphere: radius = -1.0 at time = -1 .a number > 0.") as caught:
+        ask(node)
+    assert str(__file__) in str(caught[0].message)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert node.distance((0, 0, 3), time=1) == 2.0
