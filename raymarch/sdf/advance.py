@@ -582,10 +582,12 @@ infinite columns in a plane, and no time."""
 
 def _in_pieces(scope: _Scope, body: Expr, found: Reading) -> Reading:
     """The reading of a node whose field is of the form read up to a border only, and Lipschitz beyond. Where the field
-    is the least of children with boxes, the ray is free up to those of this piece, and of the next one."""
+    is the least of convex children with boxes, the ray is free up to those of this piece, and of the next one. Others
+    fill less of their boxes, which then take more time than they save."""
     ask, steepest, border = scope.ask, scope.ask.steepest, reduce(min, scope.borders)
     divided = not ask.undivided and ask.node.facts.divisor > 1.0
-    here = [] if ask.negated or divided or not _is_least(body) else scope.boxes(ask.point)[1]
+    tight = _is_least(body) and all(is_convex(piece.ask.node) for piece in scope.pieces.values())
+    here = [] if ask.negated or divided or not tight else scope.boxes(ask.point)[1]
 
     def ahead(level: Expr, growth: Expr) -> Expr:
         there = found.below(border) - level - growth * border

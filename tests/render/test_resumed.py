@@ -69,7 +69,7 @@ def test_passes_keep_the_stretch_for_which_bounds_are_asked(renderer: Renderer, 
     heart = rm.implicit(
         lambda p: (rm.dot(p, p) - 1) ** 3 - p.x**2 * p.y**3 + 0.1 * p.z**2, bounds=((-2,) * 3, (2,) * 3)
     )
-    given = scene(tracer="advance", schedule=schedule).replace(node=heart | rm.plane(offset=-1.5))
+    given = scene(tracer="advance", schedule=schedule, max_steps=2000).replace(node=heart | rm.plane(offset=-1.5))
     whole = renderer.render(given, outputs=("depth", "residual"))
     split = given.replace(quality=given.quality.replace(steps_per_pass=4))
     parts = renderer.render(split, outputs=("depth", "residual"))
