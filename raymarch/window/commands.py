@@ -452,6 +452,12 @@ def toggle_panel(model: Model) -> None:
         model.say("panel", shown=model.panel)
 
 
+def toggle_width(model: Model) -> None:
+    """Make the panel narrow or wide."""
+    model.narrow = not model.narrow
+    model.say("panel", narrow=model.narrow)
+
+
 def escape(model: Model) -> None:
     """Stop a running trial or sequence, and close messages."""
     model.request(Interrupt())

@@ -32,8 +32,8 @@ NOTICED = 4.0
 FRAMES = 120
 """Number of frames whose times are kept."""
 
-PANEL = 300
-"""Width of the panel at display scale 1, in pixels."""
+PANEL, NARROW = 300, 200
+"""Widths of the panel at display scale 1, in pixels."""
 
 SIDES = ("off", "exact", "truth")
 """What the right side of a split picture shows: the most exact setting, or the float64 reference."""
@@ -211,6 +211,7 @@ class Model:
     stops : the settings between fast and exact.
     size, density : of the window in pixels, and its display scale.
     panel : whether the panel is visible; None if its extra is not installed.
+    narrow : whether the panel is narrow. opened : whether sections of the panel are open, by name.
     compare : what the picture is compared with. known : the fraction of the reference that is computed.
     help, notices, fault, pick : messages: notices with the time at which they end.
     closed : whether Esc closed the message of the fault.
@@ -234,6 +235,8 @@ class Model:
     size: tuple[int, int] = (960, 540)
     density: float = 1.0
     panel: bool | None = None
+    narrow: bool = False
+    opened: dict[str, bool] = field(default_factory=dict)
     compare: Compare = field(default_factory=Compare)
     saved_size: str = "as shown"
     known: float = 0.0
@@ -262,7 +265,7 @@ class Model:
     @property
     def panel_width(self) -> int:
         """Width of the panel in pixels; 0 while it is hidden."""
-        width = round(min(PANEL * self.density, 0.6 * self.size[0]))
+        width = round(min((NARROW if self.narrow else PANEL) * self.density, 0.6 * self.size[0]))
         return max(min(width, self.size[0] - 1), 0) if self.panel else 0
 
     @property

@@ -62,7 +62,9 @@ class Panel:
 
     def _section(self, name: str, fill: Any, opened: bool = False) -> None:
         imgui = self._imgui
-        shown = imgui.collapsing_header(name, imgui.TreeNodeFlags_.default_open if opened else 0)
+        was = self._model.opened.get(name, opened)
+        shown = imgui.collapsing_header(name, imgui.TreeNodeFlags_.default_open if was else 0)
+        self._model.opened[name] = bool(shown)
         self._fields.mark(name)
         if shown:
             imgui.push_id(name)

@@ -29,6 +29,7 @@ from raymarch.window.constants import CLICKED, Constants
 from raymarch.window.events import Drop, Event
 from raymarch.window.filming import filmed
 from raymarch.window.inputs import Mouse, flying
+from raymarch.window.memory import recall, remember
 from raymarch.window.messages import Message, messages_of
 from raymarch.window.model import (
     Close,
@@ -172,6 +173,7 @@ class Viewer:
         if found is not None:
             self._toolkit = toolkit.Toolkit(found, window, self.screen)
             self._panel, model.panel = Panel(found.imgui, model), panel
+            model.narrow, model.opened = recall()
         self._mouse = Mouse(model, window.pixel, lambda: window.extent)
         self._clicked: Any = None
         self._picks = self._frames = 0
@@ -479,6 +481,8 @@ class Viewer:
         self.model.evaluations, self._live = (shot, float(made.evaluations.mean())), 3
 
     def release(self) -> None:
+        if self._panel is not None:
+            remember(self.model.narrow, self.model.opened)
         self.reloader.stop()
         if self._toolkit is not None:
             self._toolkit.release()

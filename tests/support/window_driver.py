@@ -242,6 +242,7 @@ class Session:
         environment = {
             **os.environ,
             "DISPLAY": display,
+            "XDG_CONFIG_HOME": str(folder / "config"),
             "PYTHONPATH": os.pathsep.join(str(p) for p in (path, ROOT) if p),
         }
         environment.pop("WAYLAND_DISPLAY", None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import time
 from collections.abc import Iterator
@@ -304,3 +305,22 @@ def test_the_help_has_four_groups(session: Session) -> None:
         "Time and parameters",
         "File",
     ]
+
+
+def test_the_panel_is_narrow_and_remembers_it(session: Session, display: str) -> None:
+    """Also which sections are open, in the user's folder of settings."""
+    hand = session.hand
+    mark = session.mark()
+    hand.key("Shift_L", "Tab")
+    session.wait("panel", lambda e: e["narrow"], mark)
+    seen = session.settled()
+    assert near(pixel(seen, (250, 30)), pixel(seen, (600, 30))), "the picture begins beside the narrow panel"
+    hand.close_window()
+    assert session.end() == 0
+    kept = json.loads((session.folder / "config" / "raymarch" / "window.json").read_text())
+    assert kept["narrow"] is True and kept["opened"]["View"] is True and kept["opened"]["Frame"] is False
+    again = Session(display, session.folder, session.folder / "scene.py", "--size", "640x640", "--panel")
+    try:
+        assert near(pixel(again.settled(), (250, 30)), pixel(seen, (600, 30)))
+    finally:
+        again.kill()
