@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +14,14 @@ from raymarch.window.fields import FIELD, Fields
 from raymarch.window.meters import Meters
 from raymarch.window.model import SAVED_SIZES, SIDES, Model
 from raymarch.window.timeline import Timeline
+
+SAVES: tuple[tuple[str, Callable[[Model], None]], ...] = (
+    ("save PNG", do.save_picture),
+    ("sequence", do.save_sequence),
+    ("film", do.save_film),
+    ("settings", do.save_settings),
+)
+"""Buttons, two in a line."""
 
 
 class Panel:
@@ -99,17 +108,12 @@ class Panel:
         changed, samples = imgui.slider_int("samples", model.samples, 1, 256)
         if changed:
             do.set_pace(model, samples=samples)
-        model.saved_size = fields.choice("of saved pictures", SAVED_SIZES, model.saved_size)
-        for label, act in (
-            ("save PNG", do.save_picture),
-            ("sequence", do.save_sequence),
-            ("film", do.save_film),
-            ("settings", do.save_settings),
-        ):
+        model.saved_size = fields.choice("saved size", SAVED_SIZES, model.saved_size)
+        for i, (label, act) in enumerate(SAVES):
             if fields.button(label):
                 act(model)
-            imgui.same_line()
-        imgui.new_line()
+            if i % 2 == 0:
+                imgui.same_line()
 
     def _camera(self) -> None:
         imgui, model = self._imgui, self._model
