@@ -101,6 +101,17 @@ PARAMS: dict[str, tuple[str, dict[str, Any], tuple[str, str] | str]] = {
         RADIUS,
         "radius: its name is computed",
     ),
+    "annotated": (
+        "R: float = 1.0\n" + SPHERE.format('rm.Param("radius", R)'),
+        RADIUS,
+        "radius: it is computed in line 3: R",
+    ),
+    "a mark at the start": ("# \ufeff é\n" + SPHERE.format('rm.Param("radius", 1.0)'), RADIUS, ("1.0", "1.25")),
+    "in a function": (
+        "def r(k):\n    return k * rm.Param('radius', 1.0, 0, 2)  # 1.0\n" + SPHERE.format("r(1) + r(2)"),
+        RADIUS,
+        ("'radius', 1.0", "'radius', 1.25"),
+    ),
     "from a dictionary": (
         'given = dict(value=1.0)\nscene = rm.Scene(rm.sphere().translate((rm.Param("radius", **given), 0, 0)))\n',
         RADIUS,
@@ -198,3 +209,27 @@ def test_a_file_that_changed_meanwhile_is_not_written(tmp_path: Path) -> None:
     do.write_values(model)
     do.escape(model)
     assert model.draft is None and file.read_text() == "other"
+
+
+@pytest.mark.parametrize(("start", "encoding"), [("", "utf-8-sig"), ("# coding: latin-1\n", "latin-1")])
+def test_bytes_stay_in_files_of_other_encodings(start: str, encoding: str, tmp_path: Path) -> None:
+    file = tmp_path / "scene.py"
+    text = f"{start}{HEAD}# größe\n" + SPHERE.format('rm.Param("radius", 1.0)')
+    file.write_bytes(text.encode(encoding))
+    model = Model(opened(file, load(file), {}, 1.6))
+    do.set_param(model, "radius", 1.25)
+    assert written_into(model, file)[0] == text.replace("1.0", "1.25").encode(encoding)
+
+
+def test_equal_calls_in_a_line_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "scene.py"
+    lines = (
+        "a, b = rm.Material(color=(1, 0, 0)), rm.Material(color=(1, 0, 0), shininess=9)\n"
+        "scene = rm.Scene(rm.sphere().material(a) | rm.box().translate((3, 0, 0)).material(b))\n"
+    )
+    model = model_of(file, HEAD + lines)
+    do.edit(model, edits_of(model, {1: editable_material(model.state.base.materials[1])}))
+    carried_out(model)
+    do.set_param(model, "material 1 color", (0.0, 1.0, 0.0))
+    content, words = written_into(model, file)
+    assert content == (HEAD + lines).encode() and "2 equal calls of Material stand in line 2" in words
