@@ -226,7 +226,7 @@ def run(
                 frame, doubts = draw(renderer, found, shot, item.time, item.part, tell)
                 view_result = shown(renderer, frame, view, found, shot.params, tell)
                 image = cache(view_result.image)
-                writer = encoder(shot, frame, image, view_result.numbers, key)
+                writer = encoder(shot, frame, image, view_result.numbers, key, draft=parts is not None)
                 if add is not None:
                     add(image())
                 if large:
@@ -235,7 +235,7 @@ def run(
                     by = f"{renderer.context.backend}: {renderer.context.driver.renderer}"
                     words = f"{width}x{height}  {frame.milliseconds:.1f} ms to draw ({renderer.clock.kind})"
                     tell_end = partial(_report, item.file, words, start, by, doubts, view_result.lines)
-                later(partial(_save, item.file, writer, tell_end))
+                later(partial(_save, item.file, writer, tell_end), writer.before)
                 del frame, view_result, image  # the next frame then reads no arrays of this one
             drawn_at = clock_time.perf_counter()
             if large:

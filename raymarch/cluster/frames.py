@@ -292,5 +292,6 @@ def _draw_here(
             except RaymarchError as fault:
                 yield item, Refused(str(fault))
                 continue
-            later(partial(write, item.file, stills.view_encoder(shot, frame, scene, key)))
+            writer = stills.view_encoder(shot, frame, scene, key)
+            later(partial(write, item.file, writer), writer.before)
             del frame

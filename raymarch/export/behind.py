@@ -9,7 +9,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from PIL import Image
 
@@ -21,9 +21,16 @@ AHEAD = 2
 """Most pictures that wait in memory."""
 
 
+class Later(Protocol):
+    """Runs a job later. before : what may run at any time before the job, in any thread."""
+
+    def __call__(self, job: Callable[[], None], before: Callable[[], object] | None = None) -> None: ...
+
+
 @contextmanager
-def in_order() -> Iterator[Callable[[Callable[[], None]], None]]:
-    """Yields a function that runs jobs in a thread, one after another in their order.
+def in_order() -> Iterator[Later]:
+    """Yields a function that runs jobs in a thread, one after another in their order; what precedes them runs in two
+    threads.
 
     It waits while `AHEAD` jobs are unfinished. The first error of a job ends the jobs after it, and is raised by the
     next call or at the end of the block. The block ends when all jobs have ended.
@@ -31,22 +38,24 @@ def in_order() -> Iterator[Callable[[Callable[[], None]], None]]:
     jobs: deque[Future[None]] = deque()
     failed = False
 
-    def work(job: Callable[[], None]) -> None:
+    def work(job: Callable[[], None], begun: Future[object] | None) -> None:
         nonlocal failed
         if failed:
             return
         try:
+            if begun is not None:
+                begun.result()
             job()
         except BaseException:
             failed = True
             raise
 
-    def run(job: Callable[[], None]) -> None:
+    def run(job: Callable[[], None], before: Callable[[], object] | None = None) -> None:
         while len(jobs) >= AHEAD:
             jobs.popleft().result()
-        jobs.append(threads.submit(work, job))
+        jobs.append(threads.submit(work, job, None if before is None else encoders.submit(before)))
 
-    with ThreadPoolExecutor(1, "raymarch encoder") as threads:
+    with ThreadPoolExecutor(1, "raymarch writer") as threads, ThreadPoolExecutor(2, "raymarch encoder") as encoders:
         yield run
         while jobs:
             jobs.popleft().result()

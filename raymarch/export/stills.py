@@ -9,6 +9,7 @@ import hashlib
 import io
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -103,8 +104,7 @@ def content_of(
         made.update(f"shutter {scene.camera.open_seconds(values)!r}\0".encode())
     for fact in (raymarch.__version__, label, scene.quality, scene.tone, size, *([] if part is None else [part])):
         made.update(repr(fact).encode() + b"\0")
-    for name, text in sorted(ready.texts.items()):  # textures are named by their content
-        made.update(f"{name}\0{text}\0".encode())
+    made.update(ready.digest)
     for name, value in sorted(uniforms.items()):
         made.update(name.encode() + b"\0" + np.asarray(getattr(value, "values", value), np.float64).tobytes())
     return made.hexdigest()
@@ -132,12 +132,18 @@ def is_whole(file: Path, keys: Collection[str | None]) -> bool:
 
 def save(image: Image.Image, file: Path, suffix: str, key: str | None) -> None:
     """Write an 8-bit picture in the format of a suffix, whatever the name of the file; a PNG file with its key."""
+    file.write_bytes(encoded(image, suffix, key))
+
+
+def encoded(image: Image.Image, suffix: str, key: str | None, draft: bool = False) -> memoryview:
+    """The bytes of an 8-bit picture; see `save`. draft : compress a PNG file little, in half of the time."""
     entries = PngImagePlugin.PngInfo()
     if key is not None:
         entries.add_text(ENTRY, key)
     made = io.BytesIO()  # Pillow's encoders in C do not notice a disk that takes a part only
-    image.save(made, FORMATS[suffix], **({"pnginfo": entries} if suffix == ".png" else {}))
-    file.write_bytes(made.getbuffer())
+    options = {"pnginfo": entries, **({"compress_level": 1} if draft else {})}
+    image.save(made, FORMATS[suffix], **(options if suffix == ".png" else {}))
+    return made.getbuffer()
 
 
 def draw(
@@ -187,31 +193,44 @@ def write_layers(file: Path, frame: Frame) -> None:
     write_channels(file, channels)
 
 
+@dataclass(frozen=True, slots=True)
+class Writer:
+    """A function that writes a picture to a file. before : what of it needs no file, for another thread; or None."""
+
+    write: Callable[[Path], object]
+    before: Callable[[], object] | None = None
+
+    def __call__(self, file: Path) -> None:
+        self.write(file)
+
+
 def encoder(
     shot: Shot,
     frame: Frame,
     image: Callable[[], Image.Image],
     numbers: Callable[[], NDArray[np.float32]],
     key: str | None,
-) -> Callable[[Path], None]:
-    """A function that writes a frame to a file in the format of the shot's suffix, whatever the name of the file.
+    draft: bool = False,
+) -> Writer:
+    """What writes a frame to a file in the format of the shot's suffix, whatever the name of the file.
 
     All that it needs of the device is read now, so that it may run in another thread while the next frame is drawn.
-    image, numbers : make the view for 8-bit files and for .exr files.
+    image, numbers : make the view for 8-bit files and for .exr files. draft : the file is removed soon.
     """
     if shot.suffix == ".npz" or shot.layers:
         for name in ARRAYS:
             frame.array(name)
         write = write_npz if shot.suffix == ".npz" else write_layers
-        return lambda file: write(file, frame)
+        return Writer(lambda file: write(file, frame))
     if shot.suffix == ".exr":
         values = numbers()
-        return lambda file: write_channels(file, {"RGB": values})
+        return Writer(lambda file: write_channels(file, {"RGB": values}))
     made = frame.image(alpha=True) if shot.alpha else image()
-    return lambda file: save(made, file, shot.suffix, key)
+    data = cache(lambda: encoded(made, shot.suffix, key, draft))
+    return Writer(lambda file: file.write_bytes(data()), data)
 
 
-def view_encoder(shot: Shot, frame: Frame, scene: Scene, key: str | None) -> Callable[[Path], None]:
+def view_encoder(shot: Shot, frame: Frame, scene: Scene, key: str | None) -> Writer:
     """As `encoder`, for a view of the GPU."""
     return encoder(shot, frame, lambda: drawn(frame, shot.view, scene), lambda: light(frame, shot.view, scene), key)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -64,15 +65,33 @@ class Prepared:
     constants: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     effects: Mapping[str, Shader] = field(default_factory=dict)
     pace: LightPace = field(default_factory=LightPace, compare=False)
-    _broken: dict[Any, list[str]] = field(default_factory=dict, compare=False, repr=False)
+    _kept: dict[str, tuple[Any, Any]] = field(init=False, default_factory=dict, compare=False, repr=False)
 
     def violations(self, values: Values) -> list[str]:
         """What values of parameters and time make illegal, one sentence each. Those of the last frame are kept."""
         key = values.time, tuple(values.params.items())
-        if key not in self._broken:
-            self._broken.clear()
-            self._broken[key] = violations(self.plan.conditions, values)
-        return self._broken[key]
+        return self._once("violations", key, lambda: violations(self.plan.conditions, values))
+
+    def pose(self, values: Values, aspect: float) -> Pose:
+        """The pose of the scene's camera; see `Scene.pose`. That of the last frame is kept."""
+        scene = self.plan.given
+        still = all(value.is_constant for value in scene.camera.expressions)
+        key = (aspect,) if still else (aspect, values.time, tuple(values.params.items()))
+        return self._once("pose", key, lambda: scene.pose(values, aspect))
+
+    @property
+    def digest(self) -> bytes:
+        """A hash of the texts of all passes. Textures are named there by their content."""
+        listed = (f"{name}\0{text}\0" for name, text in sorted(self.texts.items()))
+        return self._once("digest", None, lambda: hashlib.sha256("".join(listed).encode()).digest())
+
+    def _once(self, name: str, key: Any, make: Callable[[], Result]) -> Result:
+        """The last result of a name, made again if its key has changed."""
+        known = self._kept.get(name)
+        if known is None or known[0] != key:
+            self._kept[name] = known = key, make()
+        found: Result = known[1]
+        return found
 
 
 def prepare(scene: Scene, outputs: Sequence[Wanted] = ("color",), size: tuple[int, int] | None = None) -> Prepared:
@@ -140,7 +159,7 @@ def frame_uniforms(
     """
     scene = ready.plan.scene
     values = with_hoisted(ready.plan.hoisted, values)
-    given, origin = pose or ready.plan.given.pose(values, size[0] / size[1]), ready.plan.origin
+    given, origin = pose or ready.pose(values, size[0] / size[1]), ready.plan.origin
     if given.orthographic != scene.camera.orthographic:
         what = f"pose: of {'an orthographic' if given.orthographic else 'a perspective'} camera"
         legal = f"of one with projection={scene.camera.projection!r}, as the scene's camera"

@@ -31,7 +31,6 @@ from raymarch.gpu.program import Program, in_pass
 from raymarch.gpu.resource_cache import ResourceCache
 from raymarch.gpu.tiles import WHOLE, Edge, draw_in_tiles
 from raymarch.gpu.unread import Unread, unread_of
-from raymarch.plan.unused import unused
 from raymarch.scene.camera import Pose
 from raymarch.scene.fog import Fog
 from raymarch.scene.parameter import ParamValue, Values, set_values
@@ -217,10 +216,11 @@ class Renderer:
         part: PicturePart | None = None,
     ) -> _Picture:
         """What a frame shows, once its values are checked."""
-        values = set_values(self.prepared(scene, outputs, part).plan.parameters, params, time, scene.where)
+        ready = self.prepared(scene, outputs, part)
+        values = set_values(ready.plan.parameters, params, time, scene.where)
         width, height = size = self.size if part is None else part.whole
         listed = (outputs,) if isinstance(outputs, str) else tuple(outputs)
-        return _Picture(scene, values, pose or scene.pose(values, width / height), listed, size, part)
+        return _Picture(scene, values, pose or ready.pose(values, width / height), listed, size, part)
 
     def _render(self, picture: _Picture, progress: Progress | None, within: float) -> Frame:
         scene, values, pose, size = picture.scene, picture.values, picture.pose, self.size
@@ -292,7 +292,7 @@ class Renderer:
         found: list[str | None] = [*frame.warnings, *vouch.contradicted(scene, values)]
         found.append(vouch.not_finite(lost, pixels))
         found += vouch.moved_otherwise(scene, values)
-        found += [vouch.noisy(scene), vouch.inside(ready, values, pose), *unused(scene)]
+        found += [vouch.noisy(scene), vouch.inside(ready, values, pose), *ready.plan.without_effect]
         found += [vouch.coarse(ready, pose, frame.size[1]), vouch.too_thin(ready, pose)]
         white = vouch.overexposed(frame.color, scene) if above > vouch.OVEREXPOSED * pixels else None
         if white is not None:
@@ -489,7 +489,7 @@ class Renderer:
         width, height = call.target.size
         if progress is None and width * height <= WHOLE:
             return self.clock.time(call.draw)
-        known = self._edges.setdefault(call.program, Edge()) if progress is None else None
+        known = self._edges.setdefault(call.program, Edge())
         return draw_in_tiles(
             call.target.size,
             lambda tile: self.clock.time(lambda: call.draw(tile)),

@@ -252,6 +252,11 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
         return sorted(_features(self), key=lambda feature: not feature.used)
 
     @cached_property
+    def without_effect(self) -> list[Doubt]:
+        """A doubt for each option of the scene that has no effect."""
+        return unused(self.given)
+
+    @cached_property
     def conditions(self) -> list[Condition]:
         """Conditions checked against the values of each frame, because they could not be proven in advance."""
         moving = not all(value.is_constant for value in self.given.camera.expressions)
@@ -272,7 +277,7 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
                 found.append(Doubt("plan", what))
         found += moved_otherwise(scene.node)
         found += misread(scene)
-        return [*found, *unused(scene), *range_warning(self.view, self.origin, self.seen or self.field)]
+        return [*found, *self.without_effect, *range_warning(self.view, self.origin, self.seen or self.field)]
 
 
 def marched_otherwise(made: Plan, quality: Quality, size: tuple[int, int] | None = None) -> Plan:

@@ -102,3 +102,20 @@ def test_the_wait_for_the_device_does_not_keep_pythons_lock(egl: Context) -> Non
     """That of moderngl does, and encoders in other threads would wait."""
     assert egl._finish != egl.gl.finish and "CFunction" in type(egl._finish).__name__
     egl.finish()
+
+
+def test_what_precedes_jobs_runs_in_two_threads_and_the_jobs_stay_in_order() -> None:
+    both, done = threading.Barrier(2, timeout=20), list[int]()
+    with in_order() as later:
+        for number in range(6):
+            later(partial(done.append, number), both.wait)  # no pair would pass in one thread
+    assert done == list(range(6))
+
+
+def test_an_error_of_what_precedes_a_job_ends_it_and_the_jobs_after_it() -> None:
+    done: list[int] = []
+    with pytest.raises(SceneError, match="a full disk"), in_order() as later:
+        later(partial(done.append, 0), list)
+        later(partial(done.append, 1), failing)
+        later(partial(done.append, 2))
+    assert done == [0]
