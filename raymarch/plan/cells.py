@@ -110,7 +110,7 @@ class Cells:
     texels: NDArray[np.float32]
     starts: Whole
     lists: NDArray[np.int32]
-    merges: NDArray[np.int64]
+    merges: NDArray[np.uint8]
     most: int
     stack: int
     unbounded: tuple[int, int]
@@ -522,7 +522,7 @@ class _Builder:
         _write(blocks, places, np.stack([starts[:-1], counts], axis=1))
         begins = starts[:-1]
         begins = begins[np.argsort(places)]
-        merges, stack, unbounded = np.empty(0, np.int64), 0, (len(items), 0)
+        merges, stack, unbounded = np.empty(0, np.uint8), 0, (len(items), 0)
         if self.blended:
             others = self.ranked[~self.bounded[self.ranked]]
             if len(others):
@@ -550,25 +550,26 @@ class _Builder:
             float("inf") if self.blended else CUT + 0.5 * float(np.sqrt(3.0)),
         )
 
-    def program(self, starts: Whole, items: Indices) -> tuple[Whole, int]:
+    def program(self, starts: Whole, items: Indices) -> tuple[NDArray[np.uint8], int]:
         """The folds after each entry: those nodes of the tree whose last operand it is; and the depth of the stack.
 
         The operands i and i + 1 of a list meet at the level of the highest bit in which their ranks differ.
         """
         counts = np.diff(starts)
-        rank = self.order[items]
-        merges = np.zeros(len(items), np.int64)
+        # A list may have millions of entries: ranks are below 2**31, and levels below 31.
+        rank = self.order.astype(np.int32)[items]
+        merges = np.zeros(len(items), np.uint8)
         most = int(counts.max(initial=1))
         # The open levels of a cell descend, so there are no more than bits in a rank.
-        open_levels = np.zeros((len(counts), int(self.order.max()).bit_length() + 2), np.int64)
-        height = np.zeros(len(counts), np.int64)
+        open_levels = np.zeros((len(counts), int(self.order.max()).bit_length() + 2), np.int8)
+        height = np.zeros(len(counts), np.int8)
         deepest = 1
         for position in range(most):
             cells = np.nonzero(counts > position)[0]
             at = starts[cells] + position
             last = counts[cells] == position + 1
             following = np.minimum(at + 1, len(items) - 1)
-            level = np.where(last, np.iinfo(np.int64).max, _bits(rank[at] ^ rank[following]))
+            level = np.where(last, np.iinfo(np.int8).max, _bits(rank[at] ^ rank[following])).astype(np.int8)
             while True:
                 top = open_levels[cells, np.maximum(height[cells] - 1, 0)]
                 popping = (height[cells] > 0) & (top < level)

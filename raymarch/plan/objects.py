@@ -329,7 +329,7 @@ def max_turns(cells: Cells) -> int:
 
 def max_folds(cells: Cells) -> int:
     """Constant bound of the loop over the folds after an object."""
-    return int(np.maximum(cells.merges.max(initial=1), TURNS))
+    return max(int(cells.merges.max(initial=1)), TURNS)
 
 
 class _Place:
