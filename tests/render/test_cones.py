@@ -119,15 +119,16 @@ def test_cones_of_samples_hold_the_whole_pixel(renderer: Renderer, outputs: tupl
 
 
 def test_cones_save_evaluations(renderer: Renderer) -> None:
-    """The last steps, which prove that no thin solid is passed, are the same with cones and without."""
+    """The last steps, which prove that no thin solid is passed, are the same with cones and without. Of 20.7 evaluations
+    one level of cones saves 2.4, three levels 1.1: near the bars the inner levels end at once."""
     single = renderer.render(
         scene(rm.Quality(schedule="single", analytic=False)), outputs=("evaluations",)
     ).evaluations.mean()
-    for schedule in ("cone", "cones"):
+    for schedule, saved in (("cone", 2.3), ("cones", 1.1)):
         cones = renderer.render(
             scene(rm.Quality(schedule=schedule, analytic=False)), outputs=("evaluations",)
         ).evaluations.mean()
-        assert cones < single - 1.0
+        assert cones < single - saved
 
 
 def test_the_published_schedules() -> None:
