@@ -16,7 +16,7 @@ from raymarch.expr.operations import operations as count_operations
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
 from raymarch.sdf.advance import DEEPEST, OnlyDistance, implicit_nodes, readable
-from raymarch.sdf.levels import flatness, has_levels, may_touch
+from raymarch.sdf.levels import flatness_by_facts, has_levels, may_touch
 
 MODULES = {"relaxed_again": "relaxed", "advance": "bracketing"}
 """Tracers whose module has a different name."""
@@ -223,7 +223,7 @@ def _unreadable(scene: Scene) -> str | None:
         return "an estimate does not tell how far a ray is free"
     if not readable(scene.node):
         return f"the tree has more than {DEEPEST} nodes one above the other"
-    if flatness(scene.node) > FLATTEST:
+    if flatness_by_facts(scene.node) > FLATTEST:
         return "the field is flat along some axis, and float32 does not tell how far a ray is free"
     return None
 

@@ -34,9 +34,13 @@ def flatness(root: Node, stretches: bool = False) -> float:
     stretches : True if rays know implicit surfaces that are only placed and united along a stretch, and do not end at a
         value.
     """
+    return max([flatness_by_facts(root), *(_of_slopes(node) for node in [*_divided(root, stretches)][:MEASURED])])
+
+
+def flatness_by_facts(root: Node) -> float:
+    """The same for what nodes state: uneven scales and sampled fields, and not for slopes that are measured."""
     nodes = all_nodes(root)
     known = [node.facts.spread for node in nodes if math.isfinite(node.facts.spread)]
-    known += [_of_slopes(node) for node in [*_divided(root, stretches)][:MEASURED]]
     return max([1.0, *known, *(_of_samples(node) for node in nodes if node.name == "sampled_grid")])
 
 

@@ -119,8 +119,8 @@ def test_cones_of_samples_hold_the_whole_pixel(renderer: Renderer, outputs: tupl
 
 
 def test_cones_save_evaluations(renderer: Renderer) -> None:
-    """The last steps, which prove that no thin solid is passed, are the same with cones and without. Of 20.7 evaluations
-    one level of cones saves 2.4, three levels 1.1: near the bars the inner levels end at once."""
+    """The last steps, which prove that no thin solid is passed, are the same with cones and without. Of 20.7
+    evaluations one level of cones saves 2.4, three levels 1.1: near the bars the inner levels end at once."""
     single = renderer.render(
         scene(rm.Quality(schedule="single", analytic=False)), outputs=("evaluations",)
     ).evaluations.mean()
