@@ -218,7 +218,9 @@ def _as_fbm(like: F, name: str, shape: Callable[[Expr], Expr], doc: str) -> F:
         return _octaves(name, shape, *given.args)
 
     made.__name__ = made.__qualname__ = name
-    made.__doc__ = f"{doc}\n\n{', '.join(signature.parameters)} : as of `fbm`."
+    _, _, returned = (inspect.getdoc(like) or "").partition("\n\nReturns\n")
+    entries = f"Parameters\n----------\n{', '.join(signature.parameters)} : as of `fbm`."
+    made.__doc__ = f"{doc}\n\n{entries}\n\nReturns\n{returned}"
     made.__signature__ = signature  # type: ignore[attr-defined]
     return checked(made)  # type: ignore[return-value]
 
