@@ -269,8 +269,12 @@ class TestInABrowser:
         browser.open(page(CASES["parameters"], tmp_path)[0])
         hooks = "window.files = []; URL.createObjectURL = (blob) => { files.push(blob); return 'blob:x'; }; "
         browser.run(hooks + "HTMLAnchorElement.prototype.click = function () { files.push(this.download); }")
-        wait = "new Promise((done) => setTimeout(done, 1000))"
-        browser.run(f"document.getElementById('save').click(), {wait}")
+
+        def until(condition: str) -> None:
+            browser.run(f"new Promise((done) => {{ const w = () => {condition} ? done() : setTimeout(w, 20); w(); }})")
+
+        browser.run("document.getElementById('save').click()")
+        until("files.length === 2")
         code = "files[0].arrayBuffer().then((b) => btoa(String.fromCharCode(...new Uint8Array(b))))"
         saved = Image.open(io.BytesIO(base64.b64decode(browser.run(code))))
         assert saved.size == (800, 450) and len(saved.getcolors(1 << 20) or ()) > 100
@@ -278,6 +282,5 @@ class TestInABrowser:
         place = "document.getElementById('full').getBoundingClientRect()"
         x, y = browser.run(f"[{place}.x + 9, {place}.y + 9]")
         browser.drag((x, y), (x, y))
-        browser.run(wait)
-        assert browser.run("document.fullscreenElement !== null")
+        until("document.fullscreenElement")
         browser.run("document.exitFullscreen()")

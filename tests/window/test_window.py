@@ -129,7 +129,7 @@ def test_a_dense_screen_gets_more_pixels(display: str, view: View) -> None:
 
 
 def test_a_demo_of_a_scene_that_is_gone_says_so(view: View) -> None:
-    session = view(SCENE, "--size", "160x90", "--demo-seconds", "3")
+    session = view(SCENE, "--size", "160x90", "--demo-seconds", "5")
     session.wait("watching")
     mark = session.mark()
     (session.folder / "scene.py").unlink()
