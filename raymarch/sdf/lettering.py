@@ -436,7 +436,8 @@ def image(
     page = Image.fromarray(coverage.astype(np.float32))
     method = Image.Resampling.BOX if shrink < 1.0 else Image.Resampling.BILINEAR
     resized = np.asarray(page.resize((columns, rows), method), np.float64)
-    return _standing(_distances(resized, "image: the picture"), full)
+    named = f"'{os.fspath(source)}'" if isinstance(source, str | os.PathLike) else "the picture"
+    return _standing(_distances(resized, f"image: {named}"), full)
 
 
 def _coverage(source: str | os.PathLike[str] | ArrayLike) -> NDArray[Any]:
