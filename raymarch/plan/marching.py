@@ -256,6 +256,14 @@ def _whether_to_advance(scene: Scene, operations: int, advancing: Callable[[], F
         return "bracketing", f"{longer}, inside of solids too"
     if (unreadable := _unreadable(scene)) is not None:
         return "bracketing", f"{longer}; {unreadable}"
+    quality = scene.quality
+    if quality.bounding_volumes is not None or quality.refinement != "proven":
+        return (
+            "bracketing",
+            f"{longer}; Quality(bounding_volumes=..., refinement=...) choose how distances are evaluated",
+        )
+    if cut(scene):
+        return "bracketing", f"{longer}; a cut may leave a membrane of no thickness"
     if operations > MOST_OPERATIONS:
         return "bracketing", f"{longer}; to tell how far a ray is free takes long to compile"
     try:

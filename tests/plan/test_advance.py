@@ -22,8 +22,8 @@ def test_scenes_whose_solids_are_all_known_along_rays_take_it(name: str) -> None
 @pytest.mark.parametrize(
     ("name", "why"),
     [
-        ("csg", "more than it saves"),
-        ("village", "takes long to compile"),
+        ("csg", "a cut may leave a membrane"),
+        ("village", "a cut may leave a membrane"),
         ("papers/frosted", "inside of solids too"),
         ("papers/carpet", "of heightmap nothing but the distance"),
         ("large/city", "of repeat_varied nothing but the distance"),
