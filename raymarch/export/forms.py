@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -128,7 +129,8 @@ def _still(scene: Scene, values: Values) -> bytes:
     from raymarch.export.live import SMALL, jpeg
     from raymarch.gpu.renderer import render
 
-    with suppress(RaymarchError):
+    with suppress(RaymarchError), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a picture that nobody asked for
         return jpeg(render(scene, SMALL, values.time, values.params))
     return b""
 
