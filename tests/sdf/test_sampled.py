@@ -275,7 +275,7 @@ def test_a_mesh_is_sampled_once_and_kept(tmp_path):
         (lambda p: heightmap(np.zeros((4, 2049))), "2049"),
         (lambda p: heightmap(np.full((4, 4), np.inf)), "16 of 16"),
         (lambda p: rm.image(p / "bomb.png"), "bomb.png"),
-        (lambda p: rm.image(p / "one.png"), "one.png' shows nothing"),
+        (lambda p: rm.image(p / "one.png"), "one.png' is too fine"),
         (lambda p: rm.image(p / "cut.png"), "cut.png"),
         (lambda p: rm.image(np.full((4, 4), np.nan)), "nan"),
         (lambda p: grid(np.where(ball(8) > 1.0, np.nan, ball(8))), "values are not finite"),
