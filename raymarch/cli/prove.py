@@ -21,6 +21,7 @@ from raymarch.cli.presets import Preset, with_preset
 from raymarch.cli.progress import bar
 from raymarch.files import write
 from raymarch.proof import prove
+from raymarch.proof.search import CONTRADICTED, OPEN
 from raymarch.scene.file import load
 
 SIZE = "320x180"
@@ -41,8 +42,12 @@ def run(
     ] = None,
     json: Annotated[Path | None, typer.Option(metavar="FILE.json", help="Write the figures as JSON.")] = None,
     whole: Annotated[bool, typer.Option("--whole", help="Also bound how much of each pixel is covered.")] = False,
+    shadows: Annotated[bool, typer.Option("--shadows", help="Also prove the hard shadow of each light.")] = False,
     strict: Annotated[
-        bool, typer.Option("--strict", help="Exit with 2 if a pixel is contradicted or open, or a fact is wrong.")
+        bool,
+        typer.Option(
+            "--strict", help="Exit with 2 if a pixel or a shadow is contradicted or open, or a fact is wrong."
+        ),
     ] = False,
 ) -> None:
     for option, file, suffix in (("--output", output, ".png"), ("--json", json, ".json")):
@@ -58,6 +63,7 @@ def run(
             tolerance=tolerance,
             time=time,
             params=params,
+            shadows=shadows,
             pixels=pixels,
             progress=progress,
         )
@@ -73,7 +79,8 @@ def run(
         out.print(f"  contradicted: {_shown(what)}", markup=False)
     for fact in found.wrong_facts:
         out.print(f"  {fact}", markup=False)
-    if strict and (found.share < 1.0 or found.wrong_facts):
+    unproved = any(each.count(CONTRADICTED) + each.count(OPEN) for each in found.shadows)
+    if strict and (found.share < 1.0 or found.wrong_facts or unproved):
         raise typer.Exit(2)
 
 

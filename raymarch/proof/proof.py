@@ -14,13 +14,14 @@ from PIL import Image
 
 from raymarch.errors import SceneError
 from raymarch.expr.calls import checked
-from raymarch.expr.convert import numbers, short
+from raymarch.expr.convert import numbers, short, switch
 from raymarch.gpu.renderer import Renderer
 from raymarch.proof.facts import wrong_facts
 from raymarch.proof.parts import Operands
 from raymarch.proof.pixels import coverage
 from raymarch.proof.rays import Rays
 from raymarch.proof.search import CONTRADICTED, OPEN, PROVED, Given, Verdict, judge
+from raymarch.proof.shadows import Lit, Shadows, hard_lights, lit_pixels, shadows_of
 from raymarch.scene.camera import Pose
 from raymarch.scene.legal import warn_of_values
 from raymarch.scene.parameter import ParamValue, Values, set_values
@@ -60,6 +61,7 @@ class Proof:
     coverage : with `pixels="whole"`, two arrays (H, W), 0 to 1: the least and the greatest part of each pixel that the
         solid covers; else None.
     assumed : constants of definitions that the proof relies on: those of shapes that solve an equation in a loop.
+    shadows : with `shadows=True`, what is proved about each light with a hard shadow.
     """
 
     state: NDArray[np.uint8]
@@ -74,6 +76,7 @@ class Proof:
     assumed: tuple[str, ...] = ()
     wrong_facts: tuple[str, ...] = ()
     coverage: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+    shadows: tuple[Shadows, ...] = ()
 
     @property
     def share(self) -> float:
@@ -112,6 +115,7 @@ class Proof:
             ]
         parts += [f"{self.contradicted:,} contradicted"] if self.contradicted else []
         parts += [f"{self.open:,} open"] if self.open else []
+        parts += [str(each) for each in self.shadows]
         return "; ".join(parts)
 
     def image(self) -> Image.Image:
@@ -148,6 +152,17 @@ class Proof:
             "reasons": dict(self.reasons),
             "assumed": list(self.assumed),
             "wrong_facts": list(self.wrong_facts),
+            "shadows": [
+                {
+                    "light": each.light,
+                    "name": each.name,
+                    "asked": each.asked,
+                    "proved": each.count(PROVED),
+                    "contradicted": each.count(CONTRADICTED),
+                    "open": each.count(OPEN),
+                }
+                for each in self.shadows
+            ],
             "contradictions": [
                 {
                     "row": int(i),
@@ -174,6 +189,7 @@ def prove(
     time: float | None = None,
     params: Mapping[str, ParamValue] | None = None,
     pixels: Literal["center", "whole"] = "center",
+    shadows: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Proof:
     """Prove the hits of a picture by intervals that are rounded outwards.
@@ -188,6 +204,9 @@ def prove(
     time : seconds. None is the time of the frame, or 0.
     params : values of parameters by name, within their ranges; the others keep their defaults.
     pixels : "whole" also bounds the part of each pixel that the solid covers, by beams around all rays of the pixel.
+    shadows : True also proves the hard shadow of each light at each proved hit: that the way to the light is free
+        where a picture of that light alone is lit, and blocked where it is dark. The picture is drawn here, with the
+        scene's quality.
     progress : called with the share that is done, 0 to 1.
 
     Returns
@@ -228,6 +247,14 @@ def prove(
     operands = Operands(scene.node, values, "camera", whole=False)
     verdict, reasons = _verdict(operands, scene.node, values, rays, start, end, hit, allowed, progress)
     shape = (height, width)
+    cast: tuple[Shadows, ...] = ()
+    if switch("prove: shadows", shadows):
+        proved = np.flatnonzero((verdict.state == PROVED) & np.isfinite(hit) & ~operands.holds(rays, start))
+        points = rays.origins[proved] + hit[proved, None] * rays.directions[proved]
+        lit = Lit.seen(scene.node, values, points, rays.directions[proved], allowed[proved], proved)
+        lights = hard_lights(scene, values)
+        pictures = [(i, lit_pixels(scene, scene.lights[i], (width, height), at, params)) for i in lights]
+        cast = shadows_of(scene, values, far, lit, pictures)
     covered = None
     if pixels == "whole":
         near = _least_beside(np.minimum(depth, end.reshape(shape)))
@@ -244,6 +271,7 @@ def prove(
         tolerance=text,
         assumed=operands.assumed,
         coverage=covered,
+        shadows=cast,
         wrong_facts=wrong_facts(scene.node, values, every=bool(np.any(verdict.state == CONTRADICTED))),
     )
 

@@ -1,0 +1,214 @@
+"""Proofs of hard shadows: what each ray from a hit to a light meets, held against a picture of that light alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.expr.arrays import bound
+from raymarch.gpu.renderer import Renderer
+from raymarch.proof.parts import Operands
+from raymarch.proof.rays import Rays
+from raymarch.proof.rounding import Array
+from raymarch.proof.search import CONTRADICTED, OPEN, PROVED, Given, Verdict, judge
+from raymarch.proof.search import free as unhindered
+from raymarch.scene.light import Light, RectLight, SphereLight
+from raymarch.scene.material import Material
+from raymarch.scene.parameter import ParamValue, Values
+from raymarch.scene.scene import Scene
+from raymarch.scene.sky import Sky
+from raymarch.sdf.labels import relabelled
+from raymarch.sdf.lower import evaluate_gradient
+from raymarch.sdf.node import Node
+from raymarch.truth.light import incoming
+
+NOT_ASKED = 3
+"""The state of a pixel whose shadow is not asked for: no hit is proved there, or the light does not reach it."""
+
+LIFTS = (0.1, 1.0, 4.0)
+"""Where the rays to a light start above the hit, in tolerances. Where they disagree, the hit is at the edge of what
+touches it."""
+
+FACING = 0.02
+"""Least cosine between normal and light: below, a picture does not show whether light arrives."""
+
+AROUND = 8
+"""Rays beside that of a dark pixel which nothing blocks."""
+
+_WHITE = Material(color=(1.0, 1.0, 1.0), specular=0.0, ambient=0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shadows:
+    """What is proved about the hard shadow of one light.
+
+    light : its index in `scene.lights`, from 0. name : its class.
+    state : (H, W) uint8. 0 proved: the picture is lit, and nothing on the way to the light is deeper than the
+        tolerance; or it is dark, and a solid is on the way. 1 contradicted. 2 open. 3 not asked: no hit is proved, or
+        the light does not reach the surface.
+    """
+
+    light: int
+    name: str
+    state: NDArray[np.uint8]
+
+    def count(self, state: int) -> int:
+        """Number of pixels with a state."""
+        return int(np.sum(self.state == state))
+
+    @property
+    def asked(self) -> int:
+        """Number of pixels whose shadow is asked for."""
+        return self.state.size - self.count(NOT_ASKED)
+
+    def __str__(self) -> str:
+        parts = [f"{self.count(PROVED):,} of {self.asked:,} hard shadows of {self.name} {self.light} proved"]
+        parts += [f"{count:,} {word}" for state, word in _WORDS if (count := self.count(state))]
+        return ", ".join(parts)
+
+
+_WORDS = ((CONTRADICTED, "contradicted"), (OPEN, "open"))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lit:
+    """Proved hits: points, unit normals towards the camera, tolerances, and the pixels they belong to."""
+
+    points: Array
+    normals: Array
+    within: Array
+    pixels: NDArray[np.int64]
+
+    @classmethod
+    def seen(
+        cls, node: Node, values: Values, points: Array, directions: Array, within: Array, pixels: NDArray[np.int64]
+    ) -> Lit:
+        """Hits of rays with some directions."""
+        with bound(values.params, values.time):
+            gradient = evaluate_gradient(node, points) if len(points) else np.zeros((0, 3))
+        side = np.where(np.sum(gradient * directions, axis=1) > 0.0, -1.0, 1.0)
+        size = np.linalg.norm(gradient, axis=1)
+        normals = gradient * (side / np.where(size > 0.0, size, 1.0))[:, None]
+        return cls(points, normals, within, pixels)
+
+
+def lit_pixels(
+    scene: Scene, light: Light, size: tuple[int, int], time: float, params: Mapping[str, ParamValue] | None
+) -> NDArray[np.bool_]:
+    """Which pixels of a white copy of the scene a light reaches, (H, W): the tracer's verdict about its shadow."""
+    alone = scene.replace(
+        node=relabelled(scene.node, lambda _: _WHITE).material(_WHITE),
+        lights=[light],
+        sky=Sky((0.0, 0.0, 0.0)),
+        fog=None,
+        occlusion=None,
+        bounces=None,
+        post=(),
+        quality=scene.quality.replace(samples=1, temporal="off", lights_per_pass=None),
+    )
+    with Renderer(size) as renderer:
+        lit: NDArray[np.bool_] = renderer.render(alone, time, params).color.max(axis=-1) > 0.0
+    return lit
+
+
+def shadows_of(
+    scene: Scene, values: Values, far: float, found: Lit, pictures: Sequence[tuple[int, NDArray[np.bool_]]]
+) -> tuple[Shadows, ...]:
+    """The verdicts about the shadows of some lights.
+
+    far : where camera rays end. pictures : the index of each light, and where it reaches the surface.
+    """
+    operands = Operands(scene.node, values, "shadow", whole=False)
+    result = []
+    for index, lit in pictures:
+        light = scene.lights[index]
+        state = np.full(lit.size, NOT_ASKED, np.uint8)
+        if len(found.pixels):
+            state[found.pixels] = _verdicts(operands, light, values, far, found, lit.ravel()[found.pixels])
+        result.append(Shadows(index, type(light).__name__, state.reshape(lit.shape)))
+    return tuple(result)
+
+
+def _verdicts(
+    operands: Operands, light: Light, values: Values, far: float, found: Lit, lit: NDArray[np.bool_]
+) -> NDArray[np.uint8]:
+    light_at = incoming(light, values, found.points, far)
+    facing = np.sum(found.normals * light_at.direction, axis=1)
+    asked = np.flatnonzero((facing > FACING) & (light_at.radiance.max(axis=1) > 0.0))
+    state = np.full(len(lit), NOT_ASKED, np.uint8)
+    if not len(asked):
+        return state
+    within, points, normals = found.within[asked], found.points[asked], found.normals[asked]
+    free, blocked = np.ones(len(asked), bool), np.ones(len(asked), bool)
+    for lift in LIFTS:
+        away = lift * within
+        origins = points + away[:, None] * normals
+        rays = Rays(np.ascontiguousarray(origins), np.ascontiguousarray(light_at.direction[asked]))
+        start, end = np.zeros(len(asked)), np.maximum(light_at.distance[asked] - away, 0.0)
+        none = np.full(len(asked), np.inf)
+        verdict = judge(Given(operands, rays, start, end, none, within, within / 64.0))
+        free &= verdict.state == PROVED
+        blocked &= verdict.state == CONTRADICTED
+    lit = lit[asked]
+    doubtful = np.flatnonzero(free & ~lit)
+    if len(doubtful):  # what is no deeper than the tolerance does not count above, and darkens a picture
+        start = LIFTS[0] * within[doubtful] / facing[asked[doubtful]]  # off the surface of the hit
+        thin = _thin(
+            operands, points[doubtful], light_at.direction[asked[doubtful]], start, end[doubtful], within[doubtful]
+        )
+        blocked[doubtful] |= thin == CONTRADICTED
+        free[doubtful] &= thin == PROVED
+    near = np.zeros(len(asked), bool)
+    for i in np.flatnonzero(free & ~lit):  # off its own surface
+        start = 3.0 * within[i] / facing[asked[i]]
+        near[i] = _nearly_touched(
+            operands, points[i], light_at.direction[asked[i]], float(start), float(end[i]), float(within[i])
+        )
+    agrees, differs = (lit & free) | (~lit & blocked), (lit & blocked) | (~lit & free & ~near)
+    state[asked] = np.where(agrees, PROVED, np.where(differs, CONTRADICTED, OPEN))
+    return state
+
+
+def _thin(
+    operands: Operands, origins: Array, directions: Array, start: Array, end: Array, within: Array
+) -> NDArray[np.uint8]:
+    """What rays meet if solids count that are no deeper than the tolerance: PROVED for nothing at all, CONTRADICTED for
+    a solid, else OPEN."""
+    rays = Rays(np.ascontiguousarray(origins), np.ascontiguousarray(directions))
+    given = Given(operands, rays, start, end, np.full(len(end), np.inf), within, within / 1024.0)
+    verdict = Verdict.unknown(end)
+    unhindered(given, operands.met(rays, start, end), end, given.shortest, verdict, slivers=False)
+    found = np.where(verdict.high <= end, CONTRADICTED, np.where(verdict.low < end, OPEN, PROVED))
+    return found.astype(np.uint8)
+
+
+def _nearly_touched(
+    operands: Operands, origin: Array, direction: Array, start: float, end: float, within: float
+) -> bool:
+    """True if a ray beside a free one, by two tolerances, is blocked: the pixel is at the edge of a shadow."""
+    across = np.linalg.svd(direction[None])[2][1:]
+    turns = 2.0 * np.pi * np.arange(AROUND) / AROUND
+    around = np.cos(turns)[:, None] * across[0] + np.sin(turns)[:, None] * across[1]
+    rays = Rays(origin + 2.0 * within * around, np.repeat(direction[None], AROUND, axis=0))
+    first, last, beside = (np.full(AROUND, length) for length in (min(start, end), end, within))
+    given = Given(operands, rays, first, last, np.full(AROUND, np.inf), beside, beside / 64.0)
+    return bool(np.any(judge(given).state != PROVED))
+
+
+def hard_lights(scene: Scene, values: Values) -> list[int]:
+    """The indices of the lights with hard shadows."""
+    return [
+        i
+        for i, light in enumerate(scene.lights)
+        if light.shadow
+        and not light.soft
+        and not isinstance(light, (SphereLight, RectLight))
+        and _shines(light, values)
+    ]
+
+
+def _shines(light: Light, values: Values) -> bool:
+    return float(np.max(values.of(light.radiance))) > 0.0

@@ -1,0 +1,100 @@
+"""Proofs of hard shadows: the scenes of other tests are proved, and faults of a picture of shadows are contradicted."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import raymarch as rm
+from raymarch.cli.commands import main
+from raymarch.errors import SceneError
+from raymarch.proof import proof as module
+from raymarch.proof.search import CONTRADICTED, OPEN, PROVED
+from raymarch.proof.shadows import NOT_ASKED, lit_pixels
+
+SIZE = (48, 27)
+CAMERA = rm.Camera((1.0, 1.5, 4.0), (0, 0.4, 0))
+SUN, LAMP = rm.Sun((-0.6, 1.0, -0.9), shadow=True), rm.PointLight((-1.0, 1.6, 1.0), shadow=True)
+
+
+def scene(*lights: Any) -> rm.Scene:
+    solid = rm.sphere(0.5).translate((0, 0.5, 0)) | rm.box((0.3, 1.2, 0.3)).translate((0.8, 0.6, -0.2)) | rm.plane()
+    return rm.Scene(solid, CAMERA, list(lights) or [SUN])
+
+
+def test_a_sun_and_a_lamp() -> None:
+    """Lights without a shadow, and soft ones, are not asked for."""
+    lights = rm.Sun((0, 1, 0)), LAMP, rm.Sun((1, 1, 0), shadow=True, softness=0.1), SUN
+    found = rm.prove(scene(*lights), size=SIZE, shadows=True)
+    assert [(each.light, each.name) for each in found.shadows] == [(1, "PointLight"), (3, "Sun")]
+    for each in found.shadows:
+        assert each.count(CONTRADICTED) == 0 and each.count(PROVED) > 0.97 * each.asked > 500
+        assert np.all(each.state[~np.isfinite(found.depth)] == NOT_ASKED)
+        assert str(each) in str(found)
+    assert found.as_dict()["shadows"][1]["asked"] == found.shadows[1].asked
+    assert rm.prove(scene(), size=SIZE).shadows == ()
+
+
+def shifted(lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    return np.roll(lit, 2, axis=1)
+
+
+@pytest.mark.parametrize(
+    ("fault", "least"),
+    [(np.ones_like, 30), (np.zeros_like, 500), (np.logical_not, 500), (shifted, 10)],
+    ids=["no shadow", "no light", "swapped", "moved by two pixels"],
+)
+def test_a_wrong_shadow_is_contradicted(monkeypatch: pytest.MonkeyPatch, fault: Any, least: int) -> None:
+    monkeypatch.setattr(module, "lit_pixels", lambda *given: fault(lit_pixels(*given)))
+    (found,) = rm.prove(scene(), size=SIZE, shadows=True).shadows
+    assert found.count(CONTRADICTED) >= least
+
+
+def test_a_shadow_of_another_solid(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The box casts none in the picture."""
+    other = scene().replace(node=rm.sphere(0.5).translate((0, 0.5, 0)) | rm.plane())
+    monkeypatch.setattr(module, "lit_pixels", lambda given, *more: lit_pixels(other, *more))
+    (found,) = rm.prove(scene(), size=SIZE, shadows=True).shadows
+    assert found.count(CONTRADICTED) > 10
+
+
+def test_what_is_hidden_from_shadow_rays_blocks_nothing() -> None:
+    ball = rm.sphere(0.5).translate((0, 0.5, 0)).visible(shadow=False)
+    (found,) = rm.prove(scene().replace(node=ball | rm.plane()), size=SIZE, shadows=True).shadows
+    assert found.count(CONTRADICTED) == found.count(OPEN) == 0 and found.asked > 500
+
+
+def test_a_thin_blocker_and_a_light_at_a_surface() -> None:
+    """Solids thinner than the tolerance darken a picture; a light on a surface is not blocked by it."""
+    plate = rm.box((0.6, 1e-4, 0.6)).translate((0, 0.5, 0)) | rm.plane()
+    (found,) = rm.prove(scene().replace(node=plate), size=SIZE, shadows=True).shadows
+    assert found.count(CONTRADICTED) == 0 and found.count(PROVED) > 0.95 * found.asked
+    touching = scene(rm.PointLight((0, 1.0, 0), shadow=True))
+    (found,) = rm.prove(touching, size=SIZE, shadows=True).shadows
+    assert found.count(CONTRADICTED) == 0
+
+
+def test_the_camera_in_a_solid_asks_for_no_shadow() -> None:
+    inside = rm.Scene(rm.sphere(2.0), rm.Camera((0, 0, 1), (0, 0, 0)), [SUN])
+    (found,) = rm.prove(inside, size=(16, 9), shadows=True).shadows
+    assert found.asked == 0
+
+
+def test_the_command(tmp_path: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "a.py"
+    file.write_text(
+        "import raymarch as rm\n"
+        "ball = rm.sphere(0.5).translate((0, 0.5, 0))\n"
+        "scene = rm.Scene(ball | rm.plane(), lights=[rm.Sun((1, 2, 1), shadow=True)])\n"
+    )
+    with pytest.raises(SystemExit) as ended:
+        main(["prove", str(file), "--size", "32x18", "--shadows"])
+    assert ended.value.code == 0 and "hard shadows of Sun 0 proved" in capsys.readouterr().out
+
+
+def test_bad_input() -> None:
+    with pytest.raises(SceneError, match="prove: shadows"):
+        rm.prove(scene(), size=(8, 8), shadows="yes")  # type: ignore[arg-type]
