@@ -35,7 +35,8 @@ class Probing:
 
 def single_sample(scene: Scene) -> Scene:
     """The scene with one sample per pixel, marched in one pass without cones, by values of the field alone."""
-    tracer = "auto" if scene.quality.tracer == "advance" else scene.quality.tracer
+    asked = scene.quality.tracer
+    tracer = "bracketing" if asked in ("auto", "advance") else asked  # of certified fields; of estimates as "auto"
     return scene.replace(quality=scene.quality.replace(**SINGLE_PASS, samples=1, analytic=False, tracer=tracer))
 
 

@@ -7,6 +7,7 @@ and illegal in the next. Each frame checks it in float64 on the CPU, by the rule
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Protocol
 
@@ -47,9 +48,26 @@ def warn_of_values(root: Node, params: Mapping[str, Any], time: float) -> None:
     warn_of_doubts(violations(_conditions_of_solid(root), Values(params, time)))
 
 
-@lru_cache(64)
 def _conditions_of_solid(root: Node) -> list[Condition]:
-    return [_NodeIsLegal(node) for node in all_nodes(root) if _is_open(node)]
+    return _conditions_of(_Itself(root))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Itself:
+    """A solid as a key that equals no other: messages name lines, and equal solids may be written at others."""
+
+    node: Node
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Itself) and self.node is other.node
+
+    def __hash__(self) -> int:
+        return id(self.node)
+
+
+@lru_cache(64)
+def _conditions_of(solid: _Itself) -> list[Condition]:
+    return [_NodeIsLegal(node) for node in all_nodes(solid.node) if _is_open(node)]
 
 
 def _moving(node: Node) -> list[str]:

@@ -51,9 +51,14 @@ def test_the_ending_chooses_the_format(folder, ending, kind):
         assert picture.format == kind
 
 
+VIEWED = HELLO + "scene = rm.Scene(scene, quality=rm.Quality(tracer='bracketing'))\n"
+"""By a tracer that undoes steps, and has errors of more than a ten-thousandth of a pixel."""
+
+
 @pytest.mark.parametrize("view", [name for name in CHOICES if name != "cycles"])
 def test_every_view(folder, view):
-    assert run("render", "hello.py", "-o", "a.png", "--view", view, "--size", "48x32") == 0
+    (folder / "viewed.py").write_text(VIEWED)
+    assert run("render", "viewed.py", "-o", "a.png", "--view", view, "--size", "48x32") == 0
     with Image.open("a.png") as picture:
         assert picture.width == 48
         barred = view not in ("final", "normal", "position", "material", "boxes")

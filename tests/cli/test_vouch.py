@@ -16,7 +16,7 @@ DOUBTFUL = {
     "a sun without a direction": (
         "scene = rm.Scene(rm.sphere(), lights=[rm.Sun(rm.Param('to sun', (0, 1, 0)))])",
         ["--set", "to sun=0,0,0"],
-        "a.py:2: Sun: direction = (0.0, 0.0, 0.0) at to sun = (0, 0, 0) (3 numbers, not all zero)",
+        "a.py:2: Sun: sun_direction = (0.0, 0.0, 0.0) at to sun = (0, 0, 0) (3 numbers, not all zero)",
     ),
     "a camera that looks away": (
         "scene = rm.Scene(rm.sphere(), rm.Camera((0, 0, 5), (0, 0, 10)))",
@@ -35,9 +35,10 @@ DOUBTFUL = {
     ),
     "too few steps": (
         "scene = rm.Scene(rm.sphere() | rm.plane(offset=-1), rm.Camera((0, 0, 5), (0, 0, 0)),\n"
-        "                 quality=rm.Quality(max_steps=6, analytic=False))",
+        "                 quality=rm.Quality(tracer='bracketing', max_steps=6, analytic=False))",
         [],
-        "of the rays ran out of steps (Quality(max_steps=...), 6 now; --view iterations)",
+        "of the rays ran out of steps, and show the surface that they are near (Quality(max_steps=...), 6 now; "
+        "--view iterations)",
     ),
     "a colour that is no number": (
         "from raymarch.expr.vocabulary import exp\n"

@@ -32,6 +32,17 @@ def test_a_value_out_of_its_range_is_a_warning_at_the_callers_line(renderer):
     assert __file__ in frame.warnings[0]
 
 
+def test_a_value_out_of_its_range_names_its_own_line(renderer):
+    """Also of a solid that equals one of another line."""
+    first = rm.Scene(rm.sphere(1 + 0.3 * rm.time))
+    second = rm.Scene(rm.sphere(1 + 0.3 * rm.time))
+    for scene in (first, second):
+        with pytest.warns(rm.RenderWarning, match=f":{scene.node.where.line}: sphere: radius"):
+            renderer.render(scene, time=-50)
+        with pytest.warns(rm.RenderWarning, match=f":{scene.node.where.line}: sphere: radius"):
+            scene.node.distance((0, 0, 0), time=-51)
+
+
 def test_the_same_words_are_said_once_a_line(renderer):
     scene = rm.Scene(rm.sphere(1 + 0.2 * rm.time))
     with warnings.catch_warnings(record=True) as heard:
@@ -100,14 +111,21 @@ def test_a_picture_of_the_sky_alone_is_known_without_a_pass(renderer, sky):
 EXHAUSTED = rm.Scene(
     rm.sphere() | rm.plane(offset=-1),
     rm.Camera((0, 0.5, 5), (0, 0, 0)),
-    quality=rm.Quality(max_steps=20, analytic=False),
+    quality=rm.Quality(tracer="bracketing", max_steps=20, analytic=False),
 )
 """Some of its rays run out of steps."""
 
 
 @pytest.mark.parametrize(
     ("quality", "post"),
-    [({}, []), ({"steps_per_pass": 8}, []), ({"schedule": "cones"}, []), ({}, [rm.Bloom()]), ({"analytic": True}, [])],
+    [
+        ({}, []),
+        ({"steps_per_pass": 8}, []),
+        ({"schedule": "cones"}, []),
+        ({}, [rm.Bloom()]),
+        ({"analytic": True}, []),
+        ({"tracer": "advance", "max_steps": 4}, []),
+    ],
 )
 def test_the_picture_tells_which_rays_ran_out_of_steps(context, quality, post):
     scene = EXHAUSTED.replace(quality=EXHAUSTED.quality.replace(**quality), post=post)

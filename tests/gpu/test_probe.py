@@ -17,6 +17,7 @@ from raymarch.gpu.context import Context
 from raymarch.gpu.probe import find_faults, find_slopes, probe_with
 from raymarch.gpu.probe_pictures import COLORS, fault_numbers, fault_picture, slope_numbers, slope_picture
 from raymarch.gpu.reports import sentences, table
+from raymarch.plan import plan
 from raymarch.plan.probe import plan_faults, plan_slopes
 from raymarch.sdf.definition import REGISTRY, cube
 from raymarch.shader import assemble
@@ -193,6 +194,14 @@ def test_what_is_sound_is_found_sound(renderer: rm.Renderer) -> None:
         assert found.sound, str(found)
         assert all(report.slope is not None for report in found.reports if report.name != "surface")
         assert str(found).startswith("node ") and len(str(found).splitlines()) == len(found.reports) + 1
+
+
+@pytest.mark.parametrize("tracer", ["auto", "advance"])
+def test_slopes_are_measured_where_the_picture_asks_how_far_rays_are_free(renderer: rm.Renderer, tracer: str) -> None:
+    scene = rm.Scene(rm.union(rm.sphere(), rm.box(1.5), k=0.01), CAMERA, quality=rm.Quality(tracer=tracer))
+    assert plan(scene).marching.tracer == "advance", "which evaluates no node's field"
+    for report in find_slopes(renderer, scene).reports:
+        assert 0.5 < report.slope <= 1.0, report.name
 
 
 def test_the_probe_leaves_the_renderer_as_it_was(renderer: rm.Renderer) -> None:
