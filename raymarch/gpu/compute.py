@@ -1,7 +1,7 @@
 """A pass as a compute shader, which writes the texels that its fragment shader would write.
 
 GPUs of data centres run fragment shaders on few of their units and compute shaders on all of them: on an NVIDIA H200
-the same text is 20 to 48 times as fast. The first program of a context decides by a trial. Software renderers, and
+the same text is 20 to 48 times as fast. The first program of a process decides by a trial. Software renderers, and
 drivers without OpenGL 4.3, draw by fragment shaders.
 """
 
@@ -29,7 +29,13 @@ GROUP = (8, 8)
 WORTH = 1.5
 """Compute shaders are chosen where they are this many times as fast as fragment shaders."""
 
+REPEATS = 12
+"""Draws of the trial by each kind of shader."""
+
 Way: TypeAlias = Literal["fragment", "compute"]
+
+_DECIDED: dict[tuple[str, str], tuple[Way, str]] = {}
+"""What the trial has found in this process, by driver: all its contexts draw alike."""
 
 _VERSION = "#version 330 core"
 _OUTPUT = re.compile(r"^layout\(location = (\d)\) out vec4 (\w+);(.*)$", re.M)
@@ -43,7 +49,7 @@ _TRIAL = """#version 330 core
 layout(location = 0) out vec4 color;
 void main() {
     vec2 z = gl_FragCoord.xy * 0.001;
-    for (int i = 0; i < 256; i++) z = fract(z * 1.37 + z.yx * 0.71 + 0.1);
+    for (int i = 0; i < 512; i++) z = fract(z * 1.37 + z.yx * 0.71 + 0.1);
     color = vec4(z, 0.0, 1.0);
 }
 """
@@ -152,14 +158,17 @@ def _decided(context: Context) -> tuple[Way, str]:
         return "compute", f"{DRAW_VARIABLE} says so"
     if context.driver.is_software:
         return "fragment", "the driver renders on the CPU"
-    with context.bound():
-        try:
-            times = _trial(context)
-        except moderngl.Error as error:
-            return "fragment", "the driver refuses compute shaders: " + " ".join(str(error).split())[:120]
-    ratio = times[0] / times[1]
-    way: Way = "compute" if ratio >= WORTH else "fragment"
-    return way, f"a trial takes {times[0]:.2f} ms by a fragment shader, {times[1]:.2f} ms by a compute shader"
+    driver = context.driver.renderer, context.driver.version
+    if driver not in _DECIDED:
+        with context.bound():
+            try:
+                times = _trial(context)
+            except moderngl.Error as error:
+                return "fragment", "the driver refuses compute shaders: " + " ".join(str(error).split())[:120]
+        way: Way = "compute" if times[0] / times[1] >= WORTH else "fragment"
+        words = f"a trial takes {times[0]:.2f} ms by a fragment shader, {times[1]:.2f} ms by a compute shader"
+        _DECIDED[driver] = way, words
+    return _DECIDED[driver]
 
 
 def _trial(context: Context) -> tuple[float, float]:
@@ -190,7 +199,8 @@ def _trial(context: Context) -> tuple[float, float]:
         return 1e3 * (perf_counter() - begin)
 
     try:
-        times = [(took(by_fragments), took(by_compute)) for _ in range(5)]  # in turn: clocks of a GPU rise with work
+        # In turn, because clocks of a GPU rise with work; and often, because other programs may use the device.
+        times = [(took(by_fragments), took(by_compute)) for _ in range(REPEATS)]
         return min(first for first, _ in times), min(second for _, second in times)
     finally:
         for made in (triangle, program, shader, target):

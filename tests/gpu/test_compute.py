@@ -53,7 +53,10 @@ def test_the_trial_decides(monkeypatch: pytest.MonkeyPatch) -> None:
     for times, way in (((24.0, 1.0), "compute"), ((1.2, 1.0), "fragment")):
         with open_context("egl") as context:
             context.driver = replace(context.driver, is_software=False)
+            monkeypatch.setattr(compute, "_DECIDED", {})
             monkeypatch.setattr(compute, "_trial", lambda context, times=times: times)
+            assert compute._decided(context)[0] == way or context.gl.version_code < 430
+            monkeypatch.setattr(compute, "_trial", lambda context: (1.0, 0.0))  # known by now
             assert compute._decided(context)[0] == way or context.gl.version_code < 430
 
 
