@@ -22,7 +22,8 @@ AHEAD = 2
 
 
 class Later(Protocol):
-    """Runs a job later. before : what may run at any time before the job, in any thread."""
+    """Runs a job later. before : what may run at any time before the job, in any thread; the job repeats it if it
+    fails."""
 
     def __call__(self, job: Callable[[], None], before: Callable[[], object] | None = None) -> None: ...
 
@@ -44,7 +45,7 @@ def in_order() -> Iterator[Later]:
             return
         try:
             if begun is not None:
-                begun.result()
+                begun.exception()  # waits: what fails there fails again in the job, which knows its file
             job()
         except BaseException:
             failed = True

@@ -299,11 +299,11 @@ def test_a_place_that_takes_no_picture_is_one_line(
 
 
 def test_an_interrupted_command_leaves_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def save(*_: object) -> None:
+    def encoded(*_: object) -> None:
         assert any(name.startswith(".raymarch.") for name in names(folder))
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(import_module("raymarch.export.stills"), "save", save)
+    monkeypatch.setattr(import_module("raymarch.export.stills"), "encoded", encoded)
     assert run("render", "hello.py", *SMALL) == 130 and names(folder) == {"hello.py"}
 
 
