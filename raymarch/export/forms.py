@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -127,11 +126,10 @@ def export(
 def _still(scene: Scene, values: Values) -> bytes:
     """A small picture for a page, for browsers that cannot draw; none without a device or for a scene that fails."""
     from raymarch.export.live import SMALL, jpeg
-    from raymarch.gpu.renderer import render
+    from raymarch.gpu.renderer import Renderer
 
-    with suppress(RaymarchError), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of a picture that nobody asked for
-        return jpeg(render(scene, SMALL, values.time, values.params))
+    with suppress(RaymarchError), Renderer(SMALL) as renderer:  # whose frames do not warn of noise
+        return jpeg(renderer.render(scene, values.time, values.params).image())
     return b""
 
 

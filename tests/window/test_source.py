@@ -157,10 +157,10 @@ def test_a_parameter_is_written_or_refused(name: str, tmp_path: Path) -> None:
 def test_the_camera_materials_and_lights_are_written(tmp_path: Path) -> None:
     text = HEAD + (
         'red = rm.Material(color="tomato",  # as the fruit\n    shininess=20.0)\n'
-        "ball, cube = rm.sphere().material(red), rm.box().material(rm.Material((0.5, 0.5, 0.5), 8))\n"
+        "ball, cube = rm.sphere().material(red), rm.box(1).material(rm.Material((0.5, 0.5, 0.5), 8))\n"
         "two = [rm.Material(color=(0.1, 0.2, 0.3)), rm.Material(color=(0.3, 0.2, 0.1))]\n"
-        "scene = rm.Scene(ball | cube.translate((2, 0, 0)) | rm.box().translate((4, 0, 0)).material(two[0])\n"
-        "    | rm.box().translate((6, 0, 0)).material(two[1]),\n"
+        "scene = rm.Scene(ball | cube.translate((2, 0, 0)) | rm.box(1).translate((4, 0, 0)).material(two[0])\n"
+        "    | rm.box(1).translate((6, 0, 0)).material(two[1]),\n"
         "    camera=rm.Camera((0, 1, 6), target=(0, 0, 0)),  # from in front\n"
         "    lights=[rm.Sun((0, 1, 0)), rm.PointLight((1, 3, 2), intensity=2)])\n"
     )
@@ -225,7 +225,7 @@ def test_equal_calls_in_a_line_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "scene.py"
     lines = (
         "a, b = rm.Material(color=(1, 0, 0)), rm.Material(color=(1, 0, 0), shininess=9)\n"
-        "scene = rm.Scene(rm.sphere().material(a) | rm.box().translate((3, 0, 0)).material(b))\n"
+        "scene = rm.Scene(rm.sphere().material(a) | rm.box(1).translate((3, 0, 0)).material(b))\n"
     )
     model = model_of(file, HEAD + lines)
     do.edit(model, edits_of(model, {1: editable_material(model.state.base.materials[1])}))
