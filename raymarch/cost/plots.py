@@ -28,7 +28,7 @@ COLORS = {tracer: color for tracer, (color, _) in STYLES.items()}
 
 
 def figure(made: Sweep, metric: str = "pixels_p99") -> Any:
-    """The figure of a sweep: error against time, and evaluations with the lower bound N*.
+    """The figure of a sweep: error against time, and evaluations with N*, the bound of tracers that know values alone.
 
     If tracers were measured at several numbers of steps, it also shows error and time relative to the plain tracer, as
     in figure 3 of Bálint and Valasek (2018).
@@ -143,7 +143,8 @@ def label(places: Sequence[tuple[float, float, str]], axes: Any) -> None:
 
 
 def draw_evaluations(axes: Any, made: Sweep) -> None:
-    """Evaluations per pixel of the presets and of each tracer at its most steps, with the lower bound N*."""
+    """Evaluations per pixel of the presets and of each tracer at its most steps, with N*, which bounds those that know
+    values alone."""
     shown = _longest(made)
     names = [labelled(p) for p in shown]
     colors = [COLORS.get(p.tracer, "#444444") for p in shown]

@@ -222,8 +222,8 @@ def findings(made: Sweep, metric: str = "pixels_p99") -> list[str]:
         )
     if made.floor > 0:
         lines.append(
-            f"N* = {made.floor:.2f} evaluations per pixel: the least by which any tracer can decide each ray without "
-            "knowledge of other rays; cones and closed forms can need fewer"
+            f"N* = {made.floor:.2f} evaluations per pixel: the least by which a tracer can decide each ray that knows "
+            'values alone, of no other ray; "advance", cones and closed forms can need fewer'
         )
     if front:
         better = "has fewer evaluations and is" if made.untimed else "is both faster and"

@@ -190,7 +190,7 @@ def test_cameras_of_every_kind_are_measured(kind):
     ball = rm.sphere(0.7).translate((0.5 + 0.2 * rm.sin(8 * rm.time), 0.5, 0))
     solid = rm.union(rm.box(1.2), ball, k=0.2)  # marched
     camera = rm.Camera((2, 2, 4), target=(0, 0, 0), **CAMERAS[kind])
-    scene = rm.Scene(solid, camera, quality=rm.Quality(samples=64 if blurs else 1))
+    scene = rm.Scene(solid, camera, quality=rm.Quality(tracer="bracketing", samples=64 if blurs else 1))
     known = reference(scene, (32, 18), samples=36 if blurs else 1)
     with rm.Renderer(known.size) as renderer:
         found = sweep(scene, [Setting("base", scene.quality)], known, renderer, repeats=1)
