@@ -40,6 +40,23 @@ def test_a_shape_takes_so_many_lines(page: str) -> None:
     assert claim(page, f"{lines:.0f} lines").startswith(f"Median length of the {len(sources)} shapes")
 
 
+def ratios(tracer: str) -> tuple[str, str]:
+    """The least and the greatest ratio to N* in a row of the table of tracers, with one digit."""
+    page = (ROOT / "docs" / "marching.md").read_text(encoding="utf-8")
+    (row,) = re.findall(rf"^\| `{tracer}` \| (.+\(.+\)) \|$", page, re.MULTILINE)
+    found = [float(ratio) for ratio in re.findall(r"\(([0-9.]+)\)", row)]
+    assert len(found) == 4
+    return f"{min(found):.1f}", f"{max(found):.1f}"
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_evaluations_are_those_of_the_table_of_tracers(page: str) -> None:
+    least, most = ratios("advance")
+    words = claim(page, f"{least} to {most} ×")
+    for tracer in ("bracketing", "plain"):
+        assert "{} to {} times".format(*ratios(tracer)) in words
+
+
 def test_the_first_page_of_the_site_claims_no_figure() -> None:
     text = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
     assert not re.findall(r"\d", re.sub(r"```.*?```|\(.*?\)|SDFs?|float64", "", text, flags=re.DOTALL))
