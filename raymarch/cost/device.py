@@ -21,7 +21,7 @@ from raymarch.expr.maths import sin
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene import AmbientOcclusion, Camera, Fog, Material, PointLight, Quality, Scene, Sky, SphereLight, Sun
 from raymarch.sdf import Node
-from raymarch.sdf.definition import REGISTRY
+from raymarch.sdf.builder import Builder
 from raymarch.sdf.repetition import repeat
 from raymarch.truth import silhouettes, truth
 from raymarch.truth.edges import angle
@@ -110,10 +110,9 @@ _GIVEN: dict[str, tuple[object, ...]] = {
 
 
 def _shapes() -> Iterator[Case]:
-    for name in REGISTRY:
-        made: Callable[..., Node] | None = getattr(sdf, name, None)
+    for name, made in vars(sdf).items():
         try:
-            node = made(*_GIVEN.get(name, ())) if made is not None else None
+            node = made(*_GIVEN.get(name, ())) if isinstance(made, Builder) else None
         except (RaymarchError, TypeError, ValueError):
             continue  # an operator, which needs operands
         if node is not None and node.dimension == 2:

@@ -24,6 +24,7 @@ from raymarch.plan.bounding import nearer, value_and_gradient
 from raymarch.plan.cells import PAIRS, Cells, build
 from raymarch.scene.light import Light
 from raymarch.scene.scene import Scene, all_nodes
+from raymarch.sdf.advance import is_implicit
 from raymarch.sdf.blends import FAMILIES
 from raymarch.sdf.facts import FARTHEST
 from raymarch.sdf.levels import CORRECTED, flush_cut, least_slope
@@ -78,7 +79,7 @@ def misread(scene: Scene) -> list[Doubt]:
     if (node := flush_cut(scene.node)) is not None:
         what = f"{node.name} cuts flush with a face, where {effect} reads a membrane of no thickness that is not drawn"
         found.append(Doubt("plan", what, "a tool that reaches beyond the face", where=node.where))
-    implicit = next((node for node in all_nodes(scene.node) if node.definition.name == "implicit_solid"), None)
+    implicit = next((node for node in all_nodes(scene.node) if is_implicit(node)), None)
     if implicit is not None:
         what = (
             f"{effect} reads an implicit surface as a distance, which it is to first order at the surface only: light"

@@ -60,7 +60,7 @@ def help_text(definition: Definition) -> str:
     facts = None
     if definition.arity == "none":
         with suppress(Exception):  # a fault of the definition is reported when a node is made, with the user's line
-            facts = definition.make((), (), {}).facts
+            facts = definition.make((), (), {} if _has_defaults(definition) else _values(definition) or {}).facts
     summary, meant, notes = _parts(definition)
     lines = [*summary, ""]
     operands = {"none": [], "one": ["node : the solid."], "many": ["nodes : the solids."]}[definition.arity]
@@ -152,7 +152,14 @@ def _lipschitz(definition: Definition, facts: Facts | None) -> str:
 
 
 def _at_defaults(definition: Definition) -> str:
-    return " at the defaults" if definition.domains else ""
+    if not definition.domains:
+        return ""
+    return " at the defaults" if _has_defaults(definition) else " in the example"
+
+
+def _has_defaults(definition: Definition) -> bool:
+    """True if a call needs no arguments."""
+    return definition.domains.keys() <= definition.defaults.keys()
 
 
 def _file(definition: Definition) -> str:

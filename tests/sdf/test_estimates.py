@@ -98,7 +98,8 @@ def test_estimates_with_a_level_set(node, levels):
     assert has_levels(node) is levels
     made = plan(rm.Scene(node))
     assert made.epsilon == (0.1 if levels else 0.5)
-    assert made.marching.tracer == ("bracketing" if levels else "plain")
+    estimate = "bracketing" if levels else "plain"
+    assert made.marching.tracer == (estimate if node.exactness == "estimate" else "advance")
     assert ("ESTIMATE" in made.variants) is (node.exactness == "estimate")
 
 

@@ -37,10 +37,12 @@ def test_help_tells_all(name: str) -> None:
 
 @pytest.mark.parametrize("name", PUBLIC)
 def test_the_example_works(name: str) -> None:
-    found = re.search(r"Example:\n +(.+)", text_of(name))
+    found = re.search(r">>> (?:node = )?(.+?)(?:\.exactness\n +(.+))?\n", text_of(name))
     assert found or REGISTRY[name].arity == "many" or any(d.type is None for d in REGISTRY[name].domains.values())
     if found:
-        assert eval(found[1], {"rm": rm}).definition is _in_use(REGISTRY[name], found[1])
+        node = eval(found[1], {"rm": rm})
+        assert node.definition is _in_use(REGISTRY[name], found[1])
+        assert found[2] == (repr(node.exactness) if REGISTRY[name].arity == "none" else None)
 
 
 def _in_use(definition: Definition, call: str) -> Definition:
@@ -65,5 +67,5 @@ def test_a_shape_of_ones_own_has_help() -> None:
     assert "Soft." in str(cushion.__doc__)
     assert "Lipschitz : 2 at the defaults, by which the field is divided" in str(cushion.__doc__)
     assert "test_help.py" in str(cushion.__doc__)
-    assert "    cushion(radius=0.7)" in str(cushion.__doc__)
+    assert ">>> cushion(radius=0.7).exactness" in str(cushion.__doc__)
     assert np.isfinite(cushion().distance((0, 0, 0)))
