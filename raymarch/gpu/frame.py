@@ -177,7 +177,7 @@ class Frame:
         "Distance that the primary ray reached, float32, (H, W): its hit, or the point where it was closest to a "
         "surface."
     )
-    residual = _Array[np.float32]("Absolute value of the field at the last sample, float32, (H, W).")
+    residual = _Array[np.float32]("Upper bound of |field| at the last sample of a hit, float32, (H, W); 0 for a miss.")
     material = _Array[np.int32]("Index into the scene's materials, int32, (H, W); -1 for a miss.")
     slice = _Array[np.float32](
         "Field value and gradient magnitude where the rays intersect a plane, float32, (H, W, 2); NaN elsewhere."

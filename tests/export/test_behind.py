@@ -112,10 +112,16 @@ def test_what_precedes_jobs_runs_in_two_threads_and_the_jobs_stay_in_order() -> 
     assert done == list(range(6))
 
 
-def test_an_error_of_what_precedes_a_job_ends_it_and_the_jobs_after_it() -> None:
+def test_what_fails_before_a_job_fails_again_in_the_job_or_not_at_all() -> None:
+    """The job repeats it, and knows its file."""
     done: list[int] = []
+
+    def repeating() -> None:
+        done.append(1)
+        failing()
+
     with pytest.raises(SceneError, match="a full disk"), in_order() as later:
-        later(partial(done.append, 0), list)
-        later(partial(done.append, 1), failing)
+        later(partial(done.append, 0), failing)
+        later(repeating, failing)
         later(partial(done.append, 2))
-    assert done == [0]
+    assert done == [0, 1]

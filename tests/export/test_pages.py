@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import base64
 import io
-import json
 import re
 import subprocess
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +17,7 @@ import raymarch as rm
 from raymarch.errors import RaymarchError
 from raymarch.gpu import Renderer
 from raymarch.scene import load
-from tests.export.test_shaders import EXAMPLES, SCENES, compare, picture
+from tests.export.test_shaders import EXAMPLES, SCENES, compare, page, picture
 from tests.support import chromium
 from tests.support.commands import files, run
 from tests.support.required import glslang
@@ -38,17 +35,6 @@ LIMIT = 60_000
 def browser() -> Iterator[chromium.Browser]:
     with chromium.Browser(800, 450) as made:
         yield made
-
-
-def page(scene: rm.Scene, folder: Path, **options: Any) -> tuple[Path, dict[str, Any]]:
-    """An exported page, and its data."""
-    file = folder / "made.html"
-    rm.export(scene, file, **options)
-    (text,) = re.findall(r'<script id="data" type="application/json">(.*?)</script>', file.read_text(), re.DOTALL)
-    data = json.loads(text)
-    if isinstance(data["shader"], dict):
-        data["shader"] = zlib.decompress(base64.b64decode(data["shader"]["bytes"])).decode()
-    return file, data
 
 
 CASES = {**SCENES, "textures": load(EXAMPLES / "textures.py"), "columns": load(EXAMPLES / "columns.py")}

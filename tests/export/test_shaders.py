@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import re
 import subprocess
 import sys
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -83,6 +85,17 @@ def compare(found: NDArray[np.int64], wanted: NDArray[Any]) -> None:
     """Equal to 2 of 255, but for pixels on edges, where a ray of float32 may fall on either side."""
     off = np.abs(found - wanted.astype(int)).max(axis=2) > 2
     assert wanted.std() > 5 and np.mean(off) <= 0.005
+
+
+def page(scene: rm.Scene, folder: Path, **options: Any) -> tuple[Path, dict[str, Any]]:
+    """An exported page, and its data."""
+    file = folder / "made.html"
+    rm.export(scene, file, **options)
+    (text,) = re.findall(r'<script id="data" type="application/json">(.*?)</script>', file.read_text(), re.DOTALL)
+    data = json.loads(text)
+    if isinstance(data["shader"], dict):
+        data["shader"] = zlib.decompress(base64.b64decode(data["shader"]["bytes"])).decode()
+    return file, data
 
 
 def export_text(folder: Path, scene: rm.Scene, **options: Any) -> str:
@@ -342,11 +355,9 @@ def test_a_solid_that_time_moves_beyond_the_horizon_is_reached(renderer: Rendere
 
 def test_depth_in_a_page_is_that_of_the_centre_of_the_lens(renderer: Renderer, tmp_path: Path) -> None:
     scene = rm.Scene(rm.sphere(1.3) | rm.plane(offset=-1), rm.Camera((1, 1, 4), (0, 0, 0), aperture=0.5))
-    rm.export(scene, tmp_path / "made.html")
-    (data,) = re.findall(
-        r'<script id="data" type="application/json">(.*?)</script>', (tmp_path / "made.html").read_text()
+    text = (
+        page(scene, tmp_path)[1]["shader"].replace("#version 300 es", "#version 330 core").replace("PASS 0", "PASS 1")
     )
-    text = json.loads(data)["shader"].replace("#version 300 es", "#version 330 core").replace("PASS 0", "PASS 1")
     with (
         Program(renderer.context, FULL_SCREEN, text, lambda line: (f"line {line}", None), "geometry") as program,
         Target(renderer.context, renderer.size, 3) as target,

@@ -108,6 +108,7 @@ def test_arrays_have_the_shapes_and_types_that_they_promise(renderer: Renderer) 
     assert np.all(np.abs(np.linalg.norm(frame.normal[hit], axis=-1) - 1) <= 4 * ULP)
     assert np.all(frame.evaluations[hit] >= 1) and np.all(frame.iterations <= frame.evaluations + 1)
     assert np.all(frame.residual[hit] >= 0) and frame.residual[hit].max() < 0.01
+    assert np.all(frame.residual[~hit] == 0)
     assert np.all(np.isfinite(frame.color))
 
 
