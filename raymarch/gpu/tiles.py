@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 Tile = tuple[int, int, int, int]
 
@@ -35,7 +35,7 @@ def tiles_of(size: tuple[int, int], edge: int = EDGE) -> Iterator[Tile]:
 class Edge:
     """The edge of the next tile of a program in pixels: that which the last frame ended with."""
 
-    pixels: int = EDGE
+    pixels: int = field(default_factory=lambda: EDGE)
 
 
 def draw_in_tiles(
