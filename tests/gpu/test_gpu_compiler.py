@@ -14,7 +14,7 @@ LIMITS = {
     "hello": (20, 8.0),
     "csg": (24, 6.0),
     "columns": (16, 11.5),
-    "implicit": (16, 12.5),
+    "implicit": (10, 21.0),
     "mandelbulb": (16, 16.0),
     "papers/smoothing": (12, 12.0),
     "papers/soft_shadows": (16, 12.5),

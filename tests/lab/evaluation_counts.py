@@ -36,11 +36,14 @@ class EvaluationCounts:
 def count_evaluations(
     renderer: Renderer, scene: Scene, time: float = 0.0, params: Mapping[str, Any] | None = None
 ) -> EvaluationCounts:
-    """Count the evaluations of one sample per pixel, marched without cones and closed forms.
+    """Count the evaluations of one sample per pixel, marched without cones and closed forms, by values alone.
 
     Errors are those of `Renderer.render`.
     """
-    scene = scene.replace(quality=scene.quality.replace(samples=1, temporal="off", schedule="single", analytic=False))
+    quality = scene.quality.replace(samples=1, temporal="off", schedule="single", analytic=False)
+    if quality.tracer == "auto":  # which may ask how far a ray is free
+        quality = quality.replace(tracer="bracketing")
+    scene = scene.replace(quality=quality)
     ready = prepare(scene)
     call = renderer.draw_calls(scene, time, params)[-1]
     with Target(renderer.context, renderer.size) as target:
