@@ -39,7 +39,7 @@ def made(made_once) -> Sweep:
 def made_once(scene, kept) -> Sweep:
     known = reference(scene, SIZE, samples=4)
     names = ("tracer", "max_steps", "epsilon", "normals", "shadow_steps")
-    few = {"tracer": ("plain", "enhanced", "bracketing"), "max_steps": (16, 64, 512), "epsilon": (0.5, 0.02)}
+    few = {"tracer": ("plain", "enhanced", "advance"), "max_steps": (16, 64, 512), "epsilon": (0.5, 0.02)}
     chosen = [axis for axis in axes(given=few) if axis.name in names]
     found = sweep(scene, grid(scene, chosen), known, FakeRenderer(known), name="a <b> & c", repeats=6)
     found.checks = [Check("clock", True, "agrees"), Check("hits of front", False, "5 % lie <too> far")]
@@ -88,7 +88,7 @@ def test_ticks_are_plain_numbers_and_nothing_is_cut_off(drawn):
 def test_curves_by_steps_hold_the_base_too(made):
     curves = by_steps(made)
     assert list(curves["plain"][-1].setting.quality.tracer) == list("plain")
-    assert made.base in curves["bracketing"]
+    assert made.base in curves["advance"]  # what the plan chooses for its scene
     for points in curves.values():
         steps = [p.setting.quality.max_steps for p in points]
         assert steps == sorted(set(steps))
@@ -201,7 +201,7 @@ def test_maps_show_where_and_how_much(known):
 @pytest.mark.parametrize(("module", "make"), [("matplotlib", figure), ("jinja2", as_html)])
 def test_without_a_library_it_says_what_to_install(made, monkeypatch, module, make):
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(CostError, match=rf"{module} .*raymarch\[report\]"):
+    with pytest.raises(CostError, match=rf"{module} .*pip install jinja2 matplotlib"):
         make(made)
 
 
