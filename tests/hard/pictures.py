@@ -65,7 +65,7 @@ def marches() -> Iterator[Pair]:
         58,
         "infinite plane at the horizon",
         horizon,
-        unmended=without("march/on_exhausted", "hit.residual < pixel * hit.t", "false"),
+        unmended=without("march/on_exhausted", "hit.found = true", "hit.found = false"),
     )
     bulb = rm.Scene(rm.mandelbulb(), rm.Camera((1.6, 1.2, 2.2), (0, 0, 0), fov=38.0), [SUN])
     relaxed = replace(bulb.quality, tracer="relaxed", assume_certified=True, omega=1.9)
