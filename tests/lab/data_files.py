@@ -224,7 +224,10 @@ def by_scene(values: str) -> Use:
     """A scene file beside the data that reads them with NumPy; its name begins with theirs. values : an expression."""
 
     def use(file: Path) -> None:
-        lines = ("import numpy as np, raymarch as rm", f"file = {file.name!r}", f"values = {values}")
+        imports = (
+            "import io, numpy as np, raymarch as rm\nfrom pathlib import Path"  # NumPy leaves a broken archive open
+        )
+        lines = (imports, f"file = {file.name!r}", f"values = {values}")
         scene = file.with_name(f"{file.name}.py")
         solids = "rm.grid(values, (2, 2, 2)) | rm.instances(rm.sphere(), np.asarray(values)[0][:, :3])"
         scene.write_text("\n".join((*lines, f"scene = {solids}\n")))
@@ -289,7 +292,10 @@ KINDS: dict[str, tuple[Make, Use]] = {
     "xyz": (arrays("a.xyz", lambda file, a: np.savetxt(file, a[0][:, :3])), as_mesh),
     "dxf": (line, as_mesh),
     "npy": (arrays("a.npy", np.save), by_scene("np.load(file)")),
-    "npz": (arrays("a.npz", lambda file, a: np.savez(file, a=a)), by_scene("np.load(file)['a']")),
+    "npz": (
+        arrays("a.npz", lambda file, a: np.savez(file, a=a)),
+        by_scene("np.load(io.BytesIO(Path(file).read_bytes()))['a']"),
+    ),
     "csv": (
         arrays("a.csv", lambda file, a: np.savetxt(file, a.reshape(25, 5), delimiter=",")),
         by_scene("np.loadtxt(file, delimiter=',').reshape(5, 5, 5)"),
