@@ -214,18 +214,18 @@ def soft_visibility(
     part = np.abs(middle) <= 0.95
     rows, middle, edge = every[part], middle[part], edge[part]
     start, stop = (end[part] for end in free)
-    counted, rise = _share(middle / 0.7), np.zeros((len(rows), 2))
-    for place in _HEXAGON:
+    around = np.zeros((6, len(rows)))
+    for clear, place in zip(around, _HEXAGON, strict=True):
         aside = _beside_axis(rays.directions[rows], place * width[rows, None])
-        found = cones.clearance(rows, aside, start, stop, 0.7 * width[rows], False)[0]
-        rise += np.maximum(found, 0.0)[:, None] * place
-        counted += _share(found)
+        clear[:] = _free(cones.clearance(rows, aside, start, stop, width[rows], False)[0])
+    rise = around.T @ _HEXAGON
     sided = np.linalg.norm(rise, axis=1)
     rise /= np.maximum(sided, 1e-6)[:, None]
-    expected = _share(middle / 0.7) + sum(_share((middle + rise @ place) / 0.7) for place in _HEXAGON)
-    expected = np.clip(expected, 0.02, 0.98)
-    odds = np.clip(edge * (1.0 - expected) / (expected * (1.0 - edge)), 0.5, 6.0)
-    odds = 2.0 + _smooth(sided / 0.7) * (odds - 2.0)
+    counted, expected = _counted(_free(middle), around), _counted(_free(middle), _free(middle + _HEXAGON @ rise.T))
+    expected = np.clip(expected, 0.01, 0.99)
+    odds = np.log(np.clip(edge * (1.0 - expected) / (expected * (1.0 - edge)), 0.3, 6.0))
+    centred = 1.15 + 0.6 * np.sum(around[:3] * around[3:], axis=0)
+    odds = np.exp(centred + _smooth(sided / (0.1 + 0.8 * around.sum(axis=0))) * (odds - centred))
     counted = odds * counted / (1.0 + (odds - 1.0) * counted)
     counted = np.where(middle > 0.0, np.maximum(counted, 2.0 * edge - 1.0), counted)
     share = _smooth((np.abs(middle) - 0.5) / 0.4)
@@ -268,9 +268,15 @@ def _beside_edge(c: Array) -> Array:
     return np.asarray(0.5 + (c * np.sqrt(1.0 - c * c) + np.arcsin(c)) / np.pi)
 
 
-def _share(clearance: Array) -> Array:
-    """The share of a ray of seven that has a clearance, from 0 to 1."""
-    return np.asarray(np.maximum(2.0 * _beside_edge(clearance) - 1.0, 0.0) / 7.0)
+def _free(clearance: Array) -> Array:
+    """How free a ray of seven is, by its clearance, without a step where it meets a solid."""
+    return np.asarray(np.maximum(clearance - 0.02, 0.0) / 0.98)
+
+
+def _counted(middle: Array, around: Array) -> Array:
+    """What seven rays count, from 0 to 1, by how free those of the middle, (N,), and of the hexagon are, (6, N)."""
+    shares = [np.maximum(2.0 * _beside_edge(free) - 1.0, 0.0) for free in (middle, around)]
+    return np.asarray((2.0 * shares[0] + 5.0 / 6.0 * shares[1].sum(axis=0)) / 7.0)
 
 
 def _beside_axis(axis: Array, beside: Array) -> Array:

@@ -9,8 +9,10 @@ import pytest
 
 from raymarch.scene import Camera, Material, Scene, SphereLight, Sun
 from raymarch.scene.light import PENUMBRAS
-from raymarch.sdf import box, plane, sphere
+from raymarch.sdf import box, cylinder, plane, sphere
 from raymarch.truth import truth
+from raymarch.truth.light import soft_visibility
+from raymarch.truth.rays import Rays
 
 WHITE = Material((1, 1, 1), specular=0, ambient=0)
 
@@ -72,6 +74,39 @@ def test_penumbra_of_a_ball() -> None:
     wanted = disc_seen(where, centre, size, blocked)
     assert wanted.min() == 0 and wanted.max() == 1
     assert np.abs(shown - wanted).max() <= 0.05
+
+
+def bends(values: Any, lag: int) -> float:
+    """The greatest second difference of some values."""
+    return float(np.abs(values[2 * lag :] - 2.0 * values[lag:-lag] + values[: -2 * lag]).max())
+
+
+@pytest.mark.parametrize("turn", [0.16, 0.32, 0.48])
+def test_the_shadow_of_a_thin_pole_has_no_streaks(turn: float) -> None:
+    """Across and along it, what is seen bends at most three times as much as the part of the disc.
+
+    The lines are as wide as the whole shadow, 201 points. A streak is a bend within a few of these.
+    """
+    radius, sine = 0.12, 0.12
+    light = np.array([0.6 * np.cos(turn), 0.8, 0.6 * np.sin(turn)])
+    away, beside = np.array([-np.cos(turn), 0.0, -np.sin(turn)]), np.array([np.sin(turn), 0.0, -np.cos(turn)])
+    pole = cylinder(radius, 20.0).translate((0, 9.5, 0))
+
+    def blocked(p: Any, rays: Any) -> Any:
+        return np.abs(p[0] * rays[:, 2] - p[2] * rays[:, 0]) < radius * np.hypot(rays[:, 0], rays[:, 2])
+
+    steps = np.linspace(-1.0, 1.0, 201)[:, None]
+    lines = [far * away + steps * (radius + 0.24 * far) * beside for far in (1.5, 2.5)]
+    lines += [(1.7 + 1.3 * steps) * (away + aside * beside) for aside in (0.0, 0.05)]
+    for line in lines:
+        n = len(line)
+        rays = Rays(line, np.tile(light, (n, 1)))
+        seen = soft_visibility(
+            "two-sided", np.full(n, sine), pole.distance, rays, pole.facts, np.full(n, 1e-3), np.full(n, 9.0)
+        )
+        wanted = np.concatenate([disc_seen([p], p + light, sine / np.sqrt(1.0 - sine**2), blocked) for p in line])
+        assert np.ptp(wanted) > 0.1 and np.abs(seen - wanted).max() <= 0.1
+        assert bends(seen, 4) <= 3.0 * bends(wanted, 4)
 
 
 @pytest.mark.parametrize("thickness", [0.2, 0.05, 0.002])

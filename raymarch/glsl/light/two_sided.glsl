@@ -1,12 +1,14 @@
 // Soft shadow: the visible fraction of the light's disc. `width` is the sine of its angular radius. A ray to the middle
 // of the disc finds whether any of it is hidden, and whether all of it is: where its clearance is the radius of
 // the disc, and where it is as deep in a solid. Else six more rays go to a hexagon on the disc, in the part of the way
-// where solids reach into the cone. Each counts by its clearance, up to 0.7 of the disc's radius, and a hidden one not
-// at all. So what is thin and wide hides all, and no step is seen in a penumbra.
+// where solids reach into the cone. Each counts by its clearance, up to the disc's radius, and a hidden one not at all.
+// So what is thin and wide hides all, and no step is seen in a penumbra: where a thin solid leaves one ray, its
+// neighbours are near it already.
 // A straight edge at the clearance of the middle, on the side where the others find it, leaves a fraction of the disc
-// that is known, and would be counted as another one. Their ratio of odds corrects what is counted; it is 2 where the
-// rays find no side. Two straight edges beside the middle leave the least that is taken for a gap. Near both ends of
-// the penumbra a straight edge is taken.
+// that is known, and would be counted as another one. Their ratio of odds corrects what is counted. The less the rays
+// find a side, the more it is that of a solid in the middle, whose ratio grows with the light on opposite sides; its
+// numbers are fitted to rods, balls, boxes, gaps and corners. Two straight edges beside the middle leave the least that
+// is taken for a gap. Near both ends of the penumbra a straight edge is taken.
 // The disc is at least 64 ulp of the coordinates wide, because the field is exact to a few ulp only.
 float two_sided_shadow(Surface surface, Light light, float width) {
     if (dot(surface.normal, light.direction) <= 0.0 || light.radiance == vec3(0.0)) return 0.0;
@@ -21,31 +23,37 @@ float two_sided_shadow(Surface surface, Light light, float width) {
     float middle = 0.0;
     float counted = 0.0;
     vec2 rise = vec2(0.0);
+    float around[7];
+    float sum = 0.0;
+    float opposite = 0.0;
     for (int i = 0; i < 7; i++) {
         vec2 place = ray_of_seven(i);
         ray.direction = width * (place.x * right + place.y * up);
         ray.direction += sqrt(1.0 - dot(ray.direction, ray.direction)) * axis;
         vec2 between = range;
-        float found = clearance(ray, between, 0.0, i == 0 ? width : 0.7 * width, i == 0);
+        float found = clearance(ray, between, 0.0, width, i == 0);
+        around[i] = free_of_seven(found);
+        counted += share_of_seven(i, around[i]);
         if (i == 0) {
             middle = found;
             range = between;
             if (abs(found) > 0.95) break;
-            found /= 0.7;
+            continue;
         }
-        rise += max(found, 0.0) * place;
-        counted += share_of_seven(found);
+        rise += around[i] * place;
+        sum += around[i];
+        if (i > 3) opposite += around[i] * around[i - 3];
     }
     float edge = max(beside_edge(middle), 0.0);  // asin rounds
     if (abs(middle) > 0.95) return edge;
     float sided = length(rise);
     float expected = 0.0;
     for (int i = 0; i < 7; i++) {
-        expected += share_of_seven((middle + dot(rise, ray_of_seven(i)) / max(sided, 1.0e-6)) / 0.7);
+        expected += share_of_seven(i, free_of_seven(middle + dot(rise, ray_of_seven(i)) / max(sided, 1.0e-6)));
     }
-    expected = clamp(expected, 0.02, 0.98);
-    float odds = clamp(edge * (1.0 - expected) / (expected * (1.0 - edge)), 0.5, 6.0);
-    odds = mix(2.0, odds, smoothstep(0.0, 0.7, sided));
+    expected = clamp(expected, 0.01, 0.99);
+    float odds = clamp(edge * (1.0 - expected) / (expected * (1.0 - edge)), 0.3, 6.0);
+    odds = exp(mix(1.15 + 0.6 * opposite, log(odds), smoothstep(0.0, 0.1 + 0.8 * sum, sided)));
     float visible = odds * counted / (1.0 + (odds - 1.0) * counted);
     if (middle > 0.0) visible = max(visible, 2.0 * edge - 1.0);
     return mix(visible, edge, smoothstep(0.5, 0.9, abs(middle)));
