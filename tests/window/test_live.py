@@ -47,6 +47,7 @@ def session(shared: Session) -> Session:
     shared.hand.move(*BALL)
     shared.hand.key("Escape")
     if (shared.folder / "scene.py").read_text() != SCENE:
+        shared.settled()  # else the key may stop the run of the file
         shared.wait("loaded", since=shared.save(SCENE))
     click(shared, "defaults")
     shared.hand.move(*BALL)
