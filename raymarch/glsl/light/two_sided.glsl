@@ -25,7 +25,6 @@ float two_sided_shadow(Surface surface, Light light, float width) {
     vec2 rise = vec2(0.0);
     float around[7];
     float sum = 0.0;
-    float opposite = 0.0;
     for (int i = 0; i < 7; i++) {
         vec2 place = ray_of_seven(i);
         ray.direction = width * (place.x * right + place.y * up);
@@ -42,10 +41,10 @@ float two_sided_shadow(Surface surface, Light light, float width) {
         }
         rise += around[i] * place;
         sum += around[i];
-        if (i > 3) opposite += around[i] * around[i - 3];
     }
     float edge = max(beside_edge(middle), 0.0);  // asin rounds
     if (abs(middle) > 0.95) return edge;
+    float opposite = around[1] * around[4] + around[2] * around[5] + around[3] * around[6];
     float sided = length(rise);
     float expected = 0.0;
     for (int i = 0; i < 7; i++) {
