@@ -166,7 +166,9 @@ def test_an_error_in_a_users_definition_names_the_expression_too(
     spoil(monkeypatch, function)
     node = lump(0.3)
     fault = refusal(renderer, rm.Scene(rm.sphere(0.2) | node, quality=rm.Quality(tracer=tracer)))
-    assert fault.where == node.where and f"made by {function}, {__file__}:" in str(fault)
+    # What is derived for the advance is shared with equal expressions, whose line is that of the first.
+    line = f"{__file__}:" if tracer == "bracketing" else ""
+    assert fault.where == node.where and f"made by {function}, {line}" in str(fault)
 
 
 @pytest.mark.parametrize("helper", ["smooth_min", "rotate_field"])
