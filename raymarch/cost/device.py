@@ -10,7 +10,8 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,7 +82,7 @@ class Row:
         return not self.fault and lost == 0 and not any(value > limit for value, limit in within)
 
 
-def _seen(node: Node, *lights: Light, **given: object) -> Scene:
+def _seen(node: Node, *lights: Light, **given: Any) -> Scene:
     """A scene of a node from a camera that sees its bounds. Of an unbounded one, the part inside of a box."""
     if not np.all(np.isfinite(node.bounds)):
         node = node & sdf.box(2.0)
@@ -89,7 +90,7 @@ def _seen(node: Node, *lights: Light, **given: object) -> Scene:
     middle, reach = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     place = middle + reach * np.array([1.3, 1.1, 2.2])
     camera = Camera(tuple(map(float, place)), tuple(map(float, middle)), fov=45.0)
-    return Scene(node, camera, list(lights) or [Sun((0.5, 1.0, 0.7))], **given)  # type: ignore[arg-type]
+    return Scene(node, camera, list(lights) or [Sun((0.5, 1.0, 0.7))], **given)
 
 
 _FLAT = ((-0.8, -0.4), (0.7, -0.5), (0.1, 0.6))
@@ -109,6 +110,10 @@ _GIVEN: dict[str, tuple[object, ...]] = {
 """Arguments of shapes that have no default for them."""
 
 
+def _seen_of(make: Callable[[], Node]) -> Scene:
+    return _seen(make())
+
+
 def _shapes() -> Iterator[Case]:
     for name, made in vars(sdf).items():
         try:
@@ -118,7 +123,7 @@ def _shapes() -> Iterator[Case]:
         if node is not None and node.dimension == 2:
             node = node.extrude(0.3)
         if node is not None:
-            yield Case("shapes", name, lambda node=node: _seen(node))  # type: ignore[misc]
+            yield Case("shapes", name, partial(_seen, node))
 
 
 def _operators() -> Iterator[Case]:
@@ -162,7 +167,7 @@ def _operators() -> Iterator[Case]:
         ),
     }
     for name, make in made.items():
-        yield Case("operators", name, lambda make=make: _seen(make()))  # type: ignore[misc]
+        yield Case("operators", name, partial(_seen_of, make))
 
 
 def _effects() -> Iterator[Case]:
@@ -171,8 +176,8 @@ def _effects() -> Iterator[Case]:
     sun = Sun((0.5, 1.0, 0.7), shadow=True)
     painted = ball.material(Material("tomato", roughness=0.4)) | floor.material(Material("white"))
 
-    def scene(node: Node = painted, lights: Sequence[object] = (sun,), **given: object) -> Callable[[], Scene]:
-        return lambda: Scene(node, camera, list(lights), **given)  # type: ignore[arg-type]
+    def scene(node: Node = painted, lights: Sequence[Light] = (sun,), **given: Any) -> Callable[[], Scene]:
+        return lambda: Scene(node, camera, list(lights), **given)
 
     yield Case("effects", "hard shadow", scene(), True)
     yield Case("effects", "point light", scene(lights=[PointLight((1, 2, 1), shadow=True)]), True)
@@ -189,9 +194,9 @@ def _numbers() -> Iterator[Case]:
         (0, 0.6, 0)
     )
     for factor in (1e-4, 1e-2, 1e2, 1e4):
-        yield Case("numbers", f"scaled by {factor:g}", lambda factor=factor: _scaled(node, factor))  # type: ignore[misc]
+        yield Case("numbers", f"scaled by {factor:g}", partial(_scaled, node, factor))
     for away in (1e2, 1e4):
-        yield Case("numbers", f"{away:g} from the origin", lambda away=away: _moved(node, away))  # type: ignore[misc]
+        yield Case("numbers", f"{away:g} from the origin", partial(_moved, node, away))
     yield Case(
         "numbers", "grazing floor", lambda: Scene(sdf.plane(offset=0.0) | node, Camera((0, 0.02, 3), (0, 0.1, 0)))
     )
@@ -228,7 +233,7 @@ def check(renderer: Renderer, case: Case) -> Row:
             frame = renderer.render(scene, outputs=("depth", "normal", *(("color",) if case.lit else ())))
             depth, normal = frame.depth.astype(np.float64), frame.normal.astype(np.float64)
             color = frame.color.astype(np.float64) if case.lit else None
-    except Exception as error:
+    except Exception as error:  # a driver may fail in any way, and the other cases go on
         return Row(case.group, case.name, fault=" ".join(str(error).split())[:300] or type(error).__name__)
     seconds = time.perf_counter() - begin
     known = truth(scene, renderer.size, outputs=("depth", "normal", *(("color",) if case.lit else ())))

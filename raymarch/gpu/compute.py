@@ -1,7 +1,7 @@
 """A pass as a compute shader, which writes the texels that its fragment shader would write.
 
 GPUs of data centres run fragment shaders on few of their units and compute shaders on all of them: on an NVIDIA H200
-the same text is 20 to 48 times as fast. The first program of a process decides by a trial. Software renderers, and
+the same text is 11 to 49 times as fast. The first program of a process decides by a trial. Software renderers, and
 drivers without OpenGL 4.3, draw by fragment shaders.
 """
 

@@ -436,7 +436,7 @@ def _create_egl(device: int) -> moderngl.Context:
     settings: dict[str, Any] = {"backend": "egl", "device_index": device}
     try:
         return moderngl.create_context(require=_GL_WITH_COMPUTE, standalone=True, **settings)
-    except Exception:
+    except Exception:  # moderngl raises it bare; what else is wrong is told by the second try
         return moderngl.create_context(require=_GL_VERSION, standalone=True, **settings)
 
 
