@@ -64,6 +64,8 @@ def test_what_is_shown_and_what_only_by_all(folder, capsys, monkeypatch):
     def once(*given):
         if not measured:
             measured.append(measure(*given))
+            for point in measured[0][0].points:  # no clock decides which settings are dominated
+                point.times = [1.0 if point.name == "draft" else 2.0]
         return measured[0]
 
     monkeypatch.setattr(cost._Bench, "sweep", once)
