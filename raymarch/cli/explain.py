@@ -22,6 +22,7 @@ from raymarch.cli.common import (
 )
 from raymarch.cli.presets import Preset, with_preset
 from raymarch.plan import explain, plan
+from raymarch.plan.device import of_name
 from raymarch.scene.file import load
 from raymarch.scene.parameter import Values, set_values
 from raymarch.scene.scene import Scene
@@ -36,6 +37,9 @@ def run(
     time: OptionalTime = None,
     set_: Settings = None,
     quality: Preset = None,
+    device: Annotated[
+        str | None, typer.Option("--device-class", metavar="NAME", help="Plan for software (default) or hardware.")
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     glsl: Annotated[bool, typer.Option("--glsl", help="Print the GLSL of the fragment shader.")] = False,
 ) -> None:
@@ -44,7 +48,7 @@ def run(
         raise CommandError("--json together with --glsl", legal="one of them; the JSON holds the GLSL as well")
     with output_to_errors():  # for what the scene prints
         found = with_preset(load(scene), quality)
-        made = plan(found, size=pixels)
+        made = plan(found, size=pixels, device=of_name(device) if device else None)
     values = set_values(found.parameters, parse_settings(set_ or []), time or 0.0, found.where)
     frame = _frame(found, values, pixels[0] / pixels[1])
     shader = assemble(made)

@@ -148,7 +148,7 @@ def _path_args(node: Expr, definition: Function, known: dict[Expr, bool], used: 
     known : conditions on the path to the node. used : gets the calls.
     """
     if node.op != "where":
-        calls = [each for each in topological([node], partial(_taken, known)) if each.op == "call"]
+        calls = [each for each in topological([node], partial(taken_arguments, known)) if each.op == "call"]
         calls = [call for call in calls if call.data is definition]
         used.update(calls)
         return calls[0].args if len(calls) == 1 else bool(calls)
@@ -168,7 +168,7 @@ def _path_args(node: Expr, definition: Function, known: dict[Expr, bool], used: 
     return yes or no
 
 
-def _taken(known: Mapping[Expr, bool], node: Expr) -> tuple[Expr, ...]:
+def taken_arguments(known: Mapping[Expr, bool], node: Expr) -> tuple[Expr, ...]:
     """The arguments of an expression that count where some conditions are known."""
     if node.op == "where" and node.args[0] in known:
         return (node.args[1 if known[node.args[0]] else 2],)

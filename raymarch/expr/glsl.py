@@ -10,11 +10,13 @@ import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import count
 from types import MappingProxyType
 
 from raymarch.errors import SceneError
 from raymarch.expr.atlas import Place
+from raymarch.expr.branches import Branch, Leaf, Tree, branched, roots_of
 from raymarch.expr.function import Function, Loop
 from raymarch.expr.identifiers import identifier
 from raymarch.expr.node import Expr, make, simplify, var
@@ -35,7 +37,7 @@ from raymarch.expr.templates import TEMPLATES as TEMPLATES
 from raymarch.expr.templates import Template
 from raymarch.expr.texels import Texels
 from raymarch.expr.types import BOOL, FLOAT, STATE, Type
-from raymarch.expr.walk import depends_on, find, inner_order, substitute, topological
+from raymarch.expr.walk import depends_on, find, substitute, topological
 
 DEPTH = 16
 
@@ -99,6 +101,8 @@ class Text:
     """Names of the data that are in the constant array `constant_numbers`, in place of textures."""
     places: Mapping[str, Place] = field(default_factory=dict)
     """Pictures that are parts of an atlas, by name."""
+    trees: Mapping[Function, Branch] = field(default_factory=dict)
+    """The functions that return from branches; see `raymarch.expr.branches`."""
 
     def lines(self) -> list[Line]:
         """Helpers and functions, with an empty line between them."""
@@ -117,9 +121,11 @@ def print_functions(
     constants: frozenset[str] = frozenset(),
     dialect: Dialect | None = None,
     places: Mapping[str, Place] = MappingProxyType({}),
+    branches: bool = False,
 ) -> Text:
-    """GLSL of some functions and of all their callees, each once. for_web, constants, dialect, places : see `Text`."""
-    order = _callees_first(roots)
+    """GLSL of some functions and of all their callees, each once. The further arguments : see `Text`."""
+    trees: dict[Function, Branch] | None = {} if branches else None
+    order = _callees_first(roots, trees)
     names: dict[Function, str] = {}
     expressions = [e for f in roots for e in f.inner]
     uniforms = _uniforms(expressions, frozenset(taken))
@@ -131,7 +137,7 @@ def print_functions(
             names[definition] = wanted if definition in roots else identifier(wanted, occupied, numbers)
             occupied.add(names[definition])
     text = Text(names, [], {}, uniforms, bool(find(expressions, "time")), for_web=for_web, constants=constants)
-    text.dialect, text.places = dialect or text.dialect, places
+    text.dialect, text.places, text.trees = dialect or text.dialect, places, trees or {}
     text.uniform_names = {leaf: name for name, leaf in uniforms.items()}
     for definition in order:
         text.functions.append(FunctionPrinter(definition, text, occupied).run())
@@ -172,7 +178,8 @@ def uniform_name(leaf: Expr, taken: frozenset[str] = frozenset()) -> str:
     return identifier(UNIFORM_PREFIX + name, taken | {TIME})
 
 
-def _callees_first(roots: Sequence[Function]) -> list[Function]:
+def _callees_first(roots: Sequence[Function], trees: dict[Function, Branch] | None) -> list[Function]:
+    """The functions in the order of their text. trees : where given, gets those that return from branches."""
     order: dict[Function, None] = {}
     stack: list[tuple[Function, bool]] = [(root, False) for root in reversed(roots)]
     open_: set[Function] = set()
@@ -183,14 +190,17 @@ def _callees_first(roots: Sequence[Function]) -> list[Function]:
         elif definition not in open_:
             open_.add(definition)
             stack.append((definition, True))
-            callees = [call.data for call in _direct_calls(definition)]
+            tree = branched(definition) if trees is not None else None
+            if trees is not None and tree is not None:
+                trees[definition] = tree
+            callees = [call.data for call in _direct_calls(roots_of(tree) if tree else definition.inner)]
             stack.extend((callee, False) for callee in reversed(callees))
     return list(order)
 
 
-def _direct_calls(definition: Function) -> list[Expr]:
+def _direct_calls(roots: Sequence[Expr]) -> list[Expr]:
     calls: list[Expr] = []
-    nodes = inner_order(definition)
+    nodes = topological(roots)
     while nodes:
         calls += [n for n in nodes if n.op == "call"]
         nodes = topological([inner for n in nodes if n.op == "loop" for inner in n.data.inner])
@@ -226,7 +236,7 @@ class FunctionPrinter:
         params = [(p.type, self.names[p]) for p in self.definition.params]
         head = self.text.dialect.head(self.text.names[self.definition], self.definition.type, params)
         body = self.definition.body
-        self.emit([body], lambda _i, piece: self._statement("return ", piece, ";", body))
+        self._return(self.text.trees.get(self.definition) or Leaf((body,), {}))
         return [Line(head, body), *self.lines, Line("}", None)]
 
     def _name(self, wanted: str) -> str:
@@ -234,8 +244,29 @@ class FunctionPrinter:
         self.taken.add(name)
         return name
 
-    def emit(self, roots: Sequence[Expr], finish: Callable[[int, Piece], None]) -> None:
-        """Print statements for shared values, then call `finish(i, piece)` for each root in turn."""
+    def _return(self, tree: Tree) -> None:
+        """Print what returns the value of a tree."""
+        while isinstance(tree, Branch):
+            after = [*roots_of(tree.yes), *roots_of(tree.no)]
+            self.emit([tree.condition], partial(self._begin_if, tree.condition), after)
+            self.indent += 1
+            outside = dict(self.names)
+            self._return(tree.yes)
+            self.names = outside
+            self.indent -= 1
+            self.lines.append(Line("    " * self.indent + "}", None))
+            tree = tree.no
+        (value,) = tree.values
+        self.emit([value], lambda _i, piece: self._statement("return ", piece, ";", value))
+
+    def _begin_if(self, condition: Expr, _i: int, piece: Piece) -> None:
+        self._statement("if (", piece, ") {", condition)
+
+    def emit(self, roots: Sequence[Expr], finish: Callable[[int, Piece], None], after: Sequence[Expr] = ()) -> None:
+        """Print statements for shared values, then call `finish(i, piece)` for each root in turn.
+
+        after : what is printed later, and may share values with the roots.
+        """
         loops: dict[Expr, _OpenLoop] = {}
         uses: defaultdict[Expr, int] = defaultdict(int)
         for root in roots:
@@ -253,6 +284,9 @@ class FunctionPrinter:
             return args
 
         order = topological(roots, arguments)
+        here = set(order)
+        for node in topological(after, lambda node: () if node in here else node.args) if after else ():
+            uses[node] += node in here
         forced = {h for opened in loops.values() for h in opened.hoisted}
         pieces: dict[Expr, Piece] = {}
         waiting = list(enumerate(roots))

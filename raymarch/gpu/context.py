@@ -25,6 +25,7 @@ from raymarch.errors import DeviceError, user_location
 from raymarch.expr.convert import plain, short
 from raymarch.gpu import current
 from raymarch.gpu.signals import deferred
+from raymarch.plan.device import DeviceClass, device_class
 
 BACKENDS = ("egl", "osmesa", "window")
 """The backends, in the order in which `auto` tries them."""
@@ -53,6 +54,11 @@ class Driver:
     vendor: str
     version: str
     is_software: bool
+
+    @property
+    def device_class(self) -> DeviceClass:
+        """The class for which scenes are planned."""
+        return device_class(self.is_software)
 
     @property
     def compiles_opaque_twice(self) -> bool:

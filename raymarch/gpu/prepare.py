@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import Remembered, bound, bound_values, evaluator_of
+from raymarch.expr.branches import UNSEEN
 from raymarch.expr.convert import described, short
 from raymarch.expr.node import Expr
 from raymarch.expr.raw import without_twin
@@ -22,6 +23,7 @@ from raymarch.gpu.camera_field import CameraField
 from raymarch.gpu.program import FULL_SCREEN, RAYS, Elements
 from raymarch.gpu.slices import Slice
 from raymarch.plan import OUTPUTS, Plan, lights, marching, plan
+from raymarch.plan.device import DeviceClass
 from raymarch.plan.hoisting import with_hoisted
 from raymarch.plan.passes import DRAWN
 from raymarch.scene.camera import Pose
@@ -94,13 +96,19 @@ class Prepared:
         return found
 
 
-def prepare(scene: Scene, outputs: Sequence[Wanted] = ("color",), size: tuple[int, int] | None = None) -> Prepared:
+def prepare(
+    scene: Scene,
+    outputs: Sequence[Wanted] = ("color",),
+    size: tuple[int, int] | None = None,
+    device: DeviceClass | None = None,
+) -> Prepared:
     """Plan and assemble a scene for the passes that render `outputs`. May run in any thread.
 
     size : (width, height) of the picture, by which the plan estimates the gain of further passes.
+    device : the class of devices that draw it; see `raymarch.plan.plan`.
     Raises SceneError for an unknown output and PlanError for a scene that cannot be planned.
     """
-    return assembled(plan(scene, passes_for(outputs), size))
+    return assembled(plan(scene, passes_for(outputs), size, device=device))
 
 
 def assembled(made: Plan, part: bool = False) -> Prepared:
@@ -178,6 +186,7 @@ def frame_uniforms(
         "u_lens": (pose.aperture, pose.focus),
         "u_time": values.time,
         "u_origin": origin,
+        UNSEEN.data: 0.0,
     }
     uniforms |= ready.at_camera.uniforms(values, pose.position, 1e-9 * uniforms["u_far"])
     if ready.sky is not None:

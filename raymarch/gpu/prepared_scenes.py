@@ -66,7 +66,9 @@ class PreparedScenes:
         if key in self._plans:
             self._plans.move_to_end(key)
             return marched_otherwise(self._plans[key], scene.quality, size)
-        found = self._plans[key] = plan(scene, passes, size, refuse=partial(self._refuse_slow, scene))
+        device = self._resources.context.driver.device_class
+        refuse = partial(self._refuse_slow, scene)
+        found = self._plans[key] = plan(scene, passes, size, refuse=refuse, device=device)
         while len(self._plans) > PLANNED:
             self._plans.popitem(last=False)
         return found

@@ -30,6 +30,7 @@ def as_dict(plan: Plan, modules: Mapping[str, str]) -> dict[str, Any]:
             "shapes": plan.shapes,
             "operations": plan.operations,
         },
+        "device": {"class": plan.device.name, "reason": plan.device.reason},
         "passes": [{"name": p.name, "textures": p.textures, "reason": p.reason} for p in plan.passes],
         "modules": [{"name": name, "reason": reason} for name, reason in modules.items()],
         "features": [
@@ -72,6 +73,7 @@ def show(plan: Plan, modules: Mapping[str, str], shader_bytes: int, console: Any
     row("bounds", f"({lower}) to ({upper})")
     row("nodes", f"{plan.nodes}, with {plan.shapes} distinct shapes")
     row("operations", f"{plan.operations} per evaluation")
+    row("planned for", f"{plan.device.name}: {plan.device.reason}")
     heading("Passes")
     for chosen in plan.passes:
         row(chosen.name, f"{chosen.textures} texture{'s' * (chosen.textures > 1)}: {chosen.reason}")

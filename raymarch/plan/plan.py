@@ -21,6 +21,7 @@ from raymarch.expr.texels import Texels
 from raymarch.expr.types import Type
 from raymarch.expr.walk import find, free_variables
 from raymarch.plan import lights, marching, shading
+from raymarch.plan.device import DeviceClass, device_class
 from raymarch.plan.objects import misread, reads_field
 from raymarch.plan.passes import joining, with_cones
 from raymarch.plan.shading import Feature
@@ -58,6 +59,7 @@ def plan(
     lowering: Lowering | None = None,
     standalone: bool = False,
     refuse: Refuse | None = None,
+    device: DeviceClass | None = None,
 ) -> Plan:
     """Plan a scene. Raises PlanError for clashing parameters or a field that is too large.
 
@@ -68,9 +70,11 @@ def plan(
         cones.
     refuse : called as soon as the field is known, with `Plan.compile_seconds`, `operations` and `shapes`; raises if
         that is too much to plan the rest.
+    device : the class of devices that draw it. By default, or if the environment names one, see `device_class`;
+        standalone plans are for hardware.
     """
     check_scene("plan", scene)
-    asked = ask(scene, passes, standalone)
+    asked = ask(scene, passes, standalone, device or device_class(is_software=not standalone))
     objects = objects_of(asked, all_fixed=lowering is not None)
     fields, lowering = fields_of(asked, objects, lowering, refuse)
     surfaces = surfaces_of(asked, fields, lowering)

@@ -24,6 +24,7 @@ from raymarch.expr.types import FLOAT, VEC3, Type
 from raymarch.plan import analytic, lights, marching, shading
 from raymarch.plan.analytic import Analytic
 from raymarch.plan.bounding import LEAST, BoundedUnions
+from raymarch.plan.device import DeviceClass
 from raymarch.plan.gather import Gathered, Gatherer
 from raymarch.plan.hoisting import Hoisting
 from raymarch.plan.marching import Marching
@@ -65,6 +66,7 @@ class Asked:
     scene : the scene relative to `origin`; all that is planned describes it.
     standalone : True for a shader that computes the values of a frame itself and marches no cones.
     pictures : the passes that are asked for, without cones, and before light is split.
+    device : the class of devices that draw it.
     """
 
     given: Scene
@@ -73,6 +75,7 @@ class Asked:
     scene: Scene
     standalone: bool
     pictures: Sequence[Pass]
+    device: DeviceClass
 
     @property
     def shaded(self) -> bool:
@@ -85,7 +88,7 @@ class Asked:
         return any(p.surfaces for p in self.pictures)
 
 
-def ask(scene: Scene, passes: Sequence[str], standalone: bool) -> Asked:
+def ask(scene: Scene, passes: Sequence[str], standalone: bool, device: DeviceClass) -> Asked:
     """The scene relative to its origin, and the passes that draw it. PlanError if they cannot be combined."""
     view = default_view(scene)
     origin = origin_of(view)
@@ -93,7 +96,9 @@ def ask(scene: Scene, passes: Sequence[str], standalone: bool) -> Asked:
     mixed = _refuse_mixed(seen, standalone)
     post = () if standalone else seen.post
     pictures = picture_passes(passes, seen.quality, changes(seen), mixed, post)
-    return Asked(given=scene, view=view, origin=origin, scene=seen, standalone=standalone, pictures=pictures)
+    return Asked(
+        given=scene, view=view, origin=origin, scene=seen, standalone=standalone, pictures=pictures, device=device
+    )
 
 
 def _refuse_mixed(scene: Scene, standalone: bool) -> bool:

@@ -15,6 +15,7 @@ from types import MappingProxyType
 from raymarch import glsl
 from raymarch.errors import Location, PlanError, is_users
 from raymarch.expr.atlas import EDGE, Atlas, Place, packed
+from raymarch.expr.branches import UNSEEN
 from raymarch.expr.faults import COLOR
 from raymarch.expr.faults import code as fault_code
 from raymarch.expr.function import Function
@@ -184,6 +185,7 @@ def _of_scene(plan: Plan, constant_lights: bool) -> dict[str, Callable[[], Chunk
         **dict.fromkeys(("u_lights", "light_texel"), partial(light_rows, plan, constant_lights)),
         "u_sky_light": sky_light,
         "pcg": _pcg,
+        UNSEEN.data: partial(_unseen, plan),
         **kinds.chunks(),
     }
 
@@ -281,6 +283,15 @@ def _constants(plan: Plan) -> dict[str, Mapped]:
     }
 
 
+def _unseen(plan: Plan) -> Chunk:
+    """The number that is 0, of which compilers must not know it. A standalone shader has no uniform for it."""
+    by, name = "a choice between parts", str(UNSEEN.data)
+    if not plan.standalone:
+        return Chunk.of(name, [Mapped.declare("float", name, by)])
+    line = Mapped(f"#define {name} min(u_resolution.x, 0.0)", by)
+    return Chunk(name, frozenset({"u_resolution"}), frozenset({name}), (line,))
+
+
 def _pcg() -> Chunk:
     """The hash of the expression language, for its own helpers and for modules."""
     lines = tuple(Mapped(line, "a helper function of the expression language") for line in PCG_GLSL.split("\n"))
@@ -343,7 +354,8 @@ def _fields(
     plan: Plan, roots: Sequence[Function], taken: frozenset[str], constants: frozenset[str], places: Mapping[str, Place]
 ) -> tuple[Chunk, dict[str, str], Text]:
     """All functions generated from expressions, printed together so that each definition appears once."""
-    text = print_functions(roots, taken, plan.standalone, constants, places=places)
+    branches = plan.device.branches
+    text = print_functions(roots, taken, plan.standalone, constants, places=places, branches=branches)
     if text.helpers.pop(("pcg", ""), None):  # a chunk of its own, because modules may need it too
         text.needs.add("pcg")
     parameters = {leaf.data.name: name for name, leaf in text.uniforms.items()}

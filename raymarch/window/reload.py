@@ -14,6 +14,7 @@ from typing import Any
 
 from raymarch.errors import RaymarchError
 from raymarch.gpu.prepare import Prepared, prepare
+from raymarch.plan.device import SOFTWARE, DeviceClass
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
 from raymarch.window.constants import Constants
@@ -39,6 +40,7 @@ class Reloader:
     params : returns the window's current values of parameters.
     size : size of the pictures for which scenes are planned.
     constants, clicks : the constants of the shaders of the picture, and of those for clicks.
+    device : the class of devices that draw.
     """
 
     def __init__(
@@ -49,8 +51,9 @@ class Reloader:
         size: tuple[int, int],
         constants: Constants,
         clicks: Constants,
+        device: DeviceClass = SOFTWARE,
     ) -> None:
-        self.file, self.size = file, size
+        self.file, self.size, self.device = file, size, device
         self.news: SimpleQueue[News] = SimpleQueue()
         self.busy_since: float | None = None
         self._wake, self._params = wake, params
@@ -134,7 +137,7 @@ class Reloader:
             self._tell(Started(self.file))
         file = self.file
         known = {"constants": self._constants.as_json(), "clicks": self._clicks.as_json()}
-        known |= self._first if first else {}
+        known |= {"device": self.device.name} | (self._first if first else {})
         answer = self._trials.run(str(file), self._params(), self.size, known, self._over)
         if answer is None or self._stopping.is_set():
             return  # a newer change
@@ -159,7 +162,9 @@ class Reloader:
 
     def _load_here(self, file: Path, answer: Answer) -> None:
         took = sum(answer["ms"].values()) * 1e-3
-        found = _guarded(lambda: _load(file, self.size, answer["packed"]), max(HERE_AT_LEAST, HERE_FACTOR * took))
+        found = _guarded(
+            lambda: _load(file, self.size, answer["packed"], self.device), max(HERE_AT_LEAST, HERE_FACTOR * took)
+        )
         if isinstance(found, RaymarchError):
             self._tell(Failed(Fault.of(found)))
         elif isinstance(found, BaseException):
@@ -173,7 +178,9 @@ class Reloader:
             self._tell(Loaded(scene, prepared, file, {**trial, **ms}))
 
 
-def _load(file: Path, size: tuple[int, int], sent: str | None) -> tuple[Scene, Prepared, dict[str, float]]:
+def _load(
+    file: Path, size: tuple[int, int], sent: str | None, device: DeviceClass
+) -> tuple[Scene, Prepared, dict[str, float]]:
     """The scene that a trial sent; it is loaded here if it could not be sent."""
     start = time.perf_counter()
     scene = unpacked(sent)
@@ -181,7 +188,7 @@ def _load(file: Path, size: tuple[int, int], sent: str | None) -> tuple[Scene, P
         with contextlib.redirect_stdout(io.StringIO()):  # the trial has printed it already
             scene = load(file)
     middle = time.perf_counter()
-    prepared = prepare(progressive(scene), size=size)
+    prepared = prepare(progressive(scene), size=size, device=device)
     return scene, prepared, {"import": 1e3 * (middle - start), "plan": 1e3 * (time.perf_counter() - middle)}
 
 

@@ -30,6 +30,7 @@ from raymarch.files import may_belong, recorded
 from raymarch.gpu.prepare import Prepared, prepare
 from raymarch.gpu.program import Program
 from raymarch.gpu.renderer import Renderer
+from raymarch.plan.device import SOFTWARE, of_name
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
 from raymarch.sdf import box, sphere
@@ -126,9 +127,9 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
             with _limited_memory(), _timed(times, "import"):
                 base = unpacked(request.get("packed")) or load(scene)
             found, sent = progressive(base), None if request.get("packed") else packed(base)
-            size = tuple(request["size"])
+            size, device = tuple(request["size"]), of_name(request.get("device", SOFTWARE.name))
             with _timed(times, "plan"):
-                ready, fresh = Constants(request["constants"]).fit(prepare(found, size=size))
+                ready, fresh = Constants(request["constants"]).fit(prepare(found, size=size, device=device))
             if fresh:
                 with _timed(times, "compile"):
                     baked = _compiled(found, ready, size, request["params"])
@@ -147,7 +148,7 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
     say({"id": number, **told})
     if error is None and found is not None:
         with contextlib.suppress(RaymarchError):  # so that a click does not wait for the compiler
-            ready, fresh = Constants(request["clicks"]).fit(prepare(found, CLICKED, size))
+            ready, fresh = Constants(request["clicks"]).fit(prepare(found, CLICKED, size, device))
             if fresh:
                 _warm(found, ready, size, {}, CLICKED)
 
@@ -164,7 +165,7 @@ def _compiled(scene: Scene, ready: Prepared, size: tuple[int, int], params: dict
     except ShaderError:
         if not any(ready.constants.values()):
             raise
-        _warm(scene, prepare(scene, size=size), size, params)
+        _warm(scene, prepare(scene, size=size, device=ready.plan.device), size, params)
         return True
     return False
 

@@ -143,12 +143,13 @@ class Viewer:
         self._constants, self._clicks, self._edited = Constants(), Constants(), Constants()
         self.model.log = Log(log)
         rough = preview(state.progressive)
-        ready = prepare(rough or state.progressive, size=size)
-        if rough is None:
-            ready, _ = self._constants.fit(ready)
         self.window = Window(size, _title(file))
         try:
             self._open(size, panel)
+            device = self.renderer.context.driver.device_class
+            ready = prepare(rough or state.progressive, size=size, device=device)
+            if rough is None:
+                ready, _ = self._constants.fit(ready)
             if rough is not None:  # a trial compiles the scene itself
                 self.picture.compiling, rough = state.progressive, self.picture.preview_of(state.progressive)
             self.renderer.adopt(rough or state.progressive, ready)
@@ -186,7 +187,13 @@ class Viewer:
         self._at = clock_time.perf_counter()
         self._inquiry = Inquiry(window.wake)
         self.reloader = Reloader(
-            model.state.file, window.wake, lambda: dict(model.state.params), size, self._constants, self._clicks
+            model.state.file,
+            window.wake,
+            lambda: dict(model.state.params),
+            size,
+            self._constants,
+            self._clicks,
+            window.context.driver.device_class,
         )
 
     def _first(self) -> None:

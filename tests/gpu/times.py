@@ -9,10 +9,12 @@ draws are those of the device's timer, in milliseconds: the median of some draws
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import statistics
 import time
+import unittest.mock
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -25,6 +27,7 @@ import numpy as np
 
 import raymarch as rm
 from raymarch.gpu.compute import draws_by, why_drawn_so
+from raymarch.plan.device import CLASSES, FORCED
 from raymarch.scene import load
 from raymarch.scene.quality import TRACERS
 from tests.bench import basic
@@ -167,6 +170,40 @@ def reading(size: tuple[int, int]) -> Iterator[dict[str, Any]]:
         yield {"name": name, "cpu_ms": statistics.median(times[3:])}
 
 
+def classes(size: tuple[int, int]) -> Iterator[dict[str, Any]]:
+    """Plans for both classes of devices: compiling and drawing, taking turns, and how far the pictures differ."""
+    for name in names():
+        row: dict[str, Any] = {"name": name}
+        pictures = []
+        for device in CLASSES:
+            with plan_for(device), rm.Renderer(size) as renderer:
+                scene = load(EXAMPLES / f"{name}.py")
+                frame = renderer.render(scene)
+                pictures.append(frame.color)
+                row[f"{device}_compile_ms"] = sum(t.compile for t in frame.timings)
+        with plan_for("software"), rm.Renderer(size) as one, plan_for("hardware"), rm.Renderer(size) as other:
+            calls = {}
+            for device, renderer in zip(("software", "hardware"), (one, other), strict=True):
+                with plan_for(device):
+                    calls[device] = renderer, renderer.draw_calls(scene)
+            found: dict[str, list[float]] = {device: [] for device in calls}
+            for _ in range(3):
+                for device, (renderer, drawn) in calls.items():
+                    with renderer.context.bound():
+                        found[device].append(timed(renderer.context.gl, lambda d=drawn: [c.draw() for c in d], 3))
+        row |= {f"{device}_draw_ms": min(times) for device, times in found.items()}
+        row["ratio"] = row["hardware_draw_ms"] / row["software_draw_ms"]
+        row["differing"] = float((np.abs(pictures[0] - pictures[1]).max(axis=-1) > 1e-3).mean())
+        yield row
+
+
+@contextlib.contextmanager
+def plan_for(device: str) -> Iterator[None]:
+    """Plans for a class of devices, whatever the driver."""
+    with unittest.mock.patch.dict(os.environ, {FORCED: device}):
+        yield
+
+
 SECTIONS: dict[str, Callable[[tuple[int, int]], Iterator[dict[str, Any]]]] = {
     "examples": examples,
     "by_hand": by_hand,
@@ -174,6 +211,7 @@ SECTIONS: dict[str, Callable[[tuple[int, int]], Iterator[dict[str, Any]]]] = {
     "large": large,
     "reading": reading,
     "choices": choices,
+    "classes": classes,
 }
 
 

@@ -20,6 +20,7 @@ from typing import Any
 
 import raymarch as rm
 from raymarch.gpu.prepare import prepare
+from raymarch.plan.device import DeviceClass, device_class
 from raymarch.scene import load
 from tests.support import node_samples
 from tests.support.gpu_compiler import FAMILIES, Compiler, Statistics, missing
@@ -41,10 +42,13 @@ def _scene(node: rm.Node) -> rm.Scene:
     return rm.Scene(node.extrude(1.0) if node.dimension == 2 else node)
 
 
-def passes_of(scene: rm.Scene, compiler: Compiler, family: str) -> dict[str, Statistics]:
-    """The statistics of each pass of a picture with one ray per pixel."""
+def passes_of(
+    scene: rm.Scene, compiler: Compiler, family: str, device: DeviceClass | None = None
+) -> dict[str, Statistics]:
+    """The statistics of each pass of a picture with one ray per pixel. device : hardware, unless the environment names
+    another class."""
     single = scene.replace(quality=scene.quality.replace(samples=1))
-    texts = prepare(single, ("color",), SIZE).texts
+    texts = prepare(single, ("color",), SIZE, device or device_class(is_software=False)).texts
     return {name: compiler.statistics(text, family) for name, text in texts.items()}
 
 

@@ -28,8 +28,9 @@ void main() {
 class Statistics:
     """Of one shader on one chip.
 
-    milliseconds : to compile. registers : vector registers. waves : that one unit holds at once. spilled : registers,
-    vector and scalar. scratch : bytes. code : bytes. instructions, latency : counted and estimated by the driver.
+    milliseconds : of the CPU, to compile. registers : vector registers. waves : that one unit holds at once.
+    spilled : registers, vector and scalar. scratch : bytes. code : bytes. instructions, latency : counted and estimated
+    by the driver.
     """
 
     milliseconds: float
@@ -45,8 +46,14 @@ class Statistics:
 def missing() -> str:
     """What this machine lacks, or ""."""
     programs = [name for name in ("gcc", "glslangValidator") if shutil.which(name) is None]
-    files = [] if Path("/usr/include/vulkan/vulkan.h").exists() else ["the headers of Vulkan"]
-    return ", ".join([*programs, *files, *([] if list(DRIVERS.glob("radeon*.json")) else ["Mesa's RADV driver"])])
+    files = [] if list(DRIVERS.glob("radeon*.json")) else ["Mesa's RADV driver"]
+    return ", ".join([*programs, *files, *([] if programs or _has_headers() else ["the headers of Vulkan"])])
+
+
+def _has_headers() -> bool:
+    """Whether the C compiler finds the headers of Vulkan: where the system has them, or in C_INCLUDE_PATH."""
+    asked = ["gcc", "-E", "-x", "c", "-"]
+    return subprocess.run(asked, input="#include <vulkan/vulkan.h>\n", text=True, capture_output=True).returncode == 0
 
 
 class Compiler:

@@ -1,0 +1,44 @@
+"""Classes of devices, and what a plan chooses for each."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Final
+
+from raymarch.errors import PlanError
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceClass:
+    """Devices for which a plan chooses alike.
+
+    name : "software" or "hardware". reason : what they have in common.
+    branches : True if functions that choose between costly values find the choice first, then evaluate one value.
+    """
+
+    name: str
+    reason: str
+    branches: bool
+
+
+SOFTWARE: Final = DeviceClass("software", "the CPU draws, and executes both sides of a branch", branches=False)
+HARDWARE: Final = DeviceClass("hardware", "a GPU skips the side of a branch that is not taken", branches=True)
+
+CLASSES: Final = {each.name: each for each in (SOFTWARE, HARDWARE)}
+
+FORCED: Final = "RAYMARCH_DEVICE_CLASS"
+"""The variable of the environment that decides the class, in place of the driver."""
+
+
+def device_class(is_software: bool = True) -> DeviceClass:
+    """The class of a driver, or the one that the environment names. is_software : True if the CPU draws."""
+    forced = os.environ.get(FORCED, "")
+    return of_name(forced, FORCED) if forced else SOFTWARE if is_software else HARDWARE
+
+
+def of_name(name: str, what: str = "--device-class") -> DeviceClass:
+    """The class of a name; PlanError if there is none. what : says where the name is from."""
+    if name not in CLASSES:
+        raise PlanError(f"{what}={name!r}", legal=", ".join(CLASSES))
+    return CLASSES[name]
