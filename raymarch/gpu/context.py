@@ -15,7 +15,7 @@ import sys
 import threading
 import weakref
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -99,6 +99,37 @@ class Releasing:
         self.release()
 
 
+class _Bound:
+    """The block of `Context.bound`. Each draw call enters several, so an inner one costs a lock and no more."""
+
+    __slots__ = ("_context", "_outermost")
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._outermost: AbstractContextManager[None] | None = None
+
+    def __enter__(self) -> Context:
+        context = self._context
+        context.check()  # before the lock, which stays locked for ever if another thread held it at the fork
+        context._lock.acquire()
+        if context._held:  # by a block of this thread around this one; other code runs inside `lent` only
+            return context
+        try:
+            self._outermost = context._made_current()
+            self._outermost.__enter__()
+        except BaseException:
+            context._lock.release()
+            raise
+        return context
+
+    def __exit__(self, *error: Any) -> None:
+        try:
+            if self._outermost is not None:
+                self._outermost.__exit__(*error)
+        finally:
+            self._context._lock.release()
+
+
 class Context(Releasing):
     """One OpenGL 3.3 core context, made by `open_context`. It is current only inside `with context.bound():`.
 
@@ -151,30 +182,29 @@ class Context(Releasing):
         if self._process != os.getpid():
             raise _forked(f"the {self.backend} context was opened before the fork ({self._opened})")
 
-    @contextmanager
-    def bound(self) -> Iterator[Self]:
+    def bound(self) -> _Bound:
         """Make this context current for the block, then restore the previous one.
 
         Blocks may be nested. A thread waits while another thread is inside a block of the same context.
         Raises DeviceError if the context was released, was opened before a fork, or cannot be made current.
         """
-        self.check()  # before the lock, which stays locked for ever if another thread held it at the fork
-        with self._lock:
-            if self._held:  # by a block of this thread around this one; other code runs inside `lent` only
-                yield self
-                return
-            self.check()
-            if current.is_current(self._binding):
-                with self._holding(True):
-                    yield self
-                return
-            self._callers.append(self._caller())
-            try:
-                self._bind()
-                with self._holding(True):
-                    yield self
-            finally:
-                self._give_back(self._callers.pop())
+        return _Bound(self)
+
+    @contextmanager
+    def _made_current(self) -> Iterator[None]:
+        """The outermost of nested blocks, inside the lock."""
+        self.check()
+        if current.is_current(self._binding):
+            with self._holding(True):
+                yield
+            return
+        self._callers.append(self._caller())
+        try:
+            self._bind()
+            with self._holding(True):
+                yield
+        finally:
+            self._give_back(self._callers.pop())
 
     @contextmanager
     def lent(self) -> Iterator[None]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+import struct
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, TypeAlias, cast
+from typing import Any, Final, Literal, NamedTuple, TypeAlias, cast
 
 import moderngl
 import numpy as np
@@ -124,7 +126,7 @@ class Program(Releasing):
         self.released = False
         self._texts = vertex, fragment
         self._locate = locate
-        self._members: dict[int, dict[str, _Member | None]] = {}
+        self._members: dict[int, dict[str, _Member]] = {}
         self._fragment: tuple[moderngl.Program, moderngl.VertexArray] | None = None
         with context.bound(), deferred():
             self._dispatch = dispatch_of(context, fragment)
@@ -223,18 +225,19 @@ class Program(Releasing):
     def _set(
         self, shader: moderngl.Program | moderngl.ComputeShader, uniforms: Mapping[str, Any], target: Surface
     ) -> None:
-        members, unit = self._members.setdefault(id(shader), {}), 0
-        for name, value in uniforms.items():
-            if name not in members:
-                found = shader.get(name, None)
-                members[name] = _Member(found) if isinstance(found, moderngl.Uniform) else None
-            member = members[name]
-            if member is None:
-                continue
-            if value is member.last:
+        members = self._members.get(id(shader))
+        if members is None:
+            found = {name: shader[name] for name in shader}
+            members = {name: _Member(each) for name, each in found.items() if isinstance(each, moderngl.Uniform)}
+            self._members[id(shader)] = members
+        unit = 0
+        for name, member in members.items():
+            value = uniforms.get(name, member)
+            if value is member or value is member.last:
                 continue
             if isinstance(value, float | int):
-                member.send_number(self.name, value)
+                if value != member.number or not value:
+                    member.send_number(self.name, value)
                 continue
             texture = _as_texture(value)
             if texture is None:
@@ -263,7 +266,7 @@ class _Member:
 
     def send_number(self, program: str, value: float) -> None:
         """Send a number. 0 and -0 are equal, so they are compared by their bytes."""
-        if value != self.number or not value:
+        if value != self.number or (not value and math.copysign(1.0, value) != math.copysign(1.0, self.number)):
             self.send(program, value)
             self.number, self.last = value, self
 
@@ -310,10 +313,16 @@ def _as_texture(value: Any) -> moderngl.Texture | moderngl.Texture3D | None:
     return None
 
 
+_KINDS: Final[dict[str, type[np.generic]]] = {"f": np.float32, "i": np.int32, "I": np.uint32, "d": np.float64}
+
+
 def _uniform_bytes(program: str, uniform: Any, value: Any) -> bytes:
     """`value` as bytes in the layout of the uniform. OpenGL stores matrices by column, NumPy by row."""
-    kinds: dict[str, type[np.generic]] = {"f": np.float32, "i": np.int32, "I": np.uint32, "d": np.float64}
-    kind = kinds[uniform.fmt[-1]]
+    kind = _KINDS[uniform.fmt[-1]]
+    single = type(value) is tuple and kind is np.float32 and not uniform.matrix and uniform.array_length == 1
+    if single and len(value) == uniform.dimension:
+        with suppress(struct.error, OverflowError):  # which the rest describes, or rounds to infinity
+            return struct.pack(f"{len(value)}f", *value)
     values = value.values[: uniform.array_length] if isinstance(value, Elements) else np.asarray(value)
     if values.dtype.kind not in "fiub" or (values.dtype.kind == "f" and kind in (np.int32, np.uint32)):
         raise ValueError(f"{program}: {uniform.name} holds {kind.__name__}, not {value!r}")
@@ -333,18 +342,26 @@ def _check_tile(tile: tuple[int, int, int, int], width: int, height: int) -> Non
         raise ValueError(f"tile={tile!r} lies outside the surface of {width} x {height} pixels")
 
 
-@contextmanager
-def in_pass(*names: str) -> Iterator[None]:
+class in_pass:
     """Convert a failure of the driver (out of memory, a lost context) to a DeviceError that names the passes.
 
     A DeviceError that the driver caused and that names no pass yet gets the names; invalid input of the user does not.
     """
-    what = f"pass {' and '.join(names)}"
-    try:
-        yield
-    except moderngl.Error as error:
-        raise DeviceError(f"{what}: the device failed: {error}", legal="less memory, or a new Renderer") from error
-    except DeviceError as error:
-        if not isinstance(error.__cause__, moderngl.Error) or error.what.startswith("pass "):
-            raise
-        raise DeviceError(f"{what}: {error.what}", legal=error.legal, where=error.where) from error.__cause__
+
+    __slots__ = ("names",)
+
+    def __init__(self, *names: str) -> None:
+        self.names = names
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, _type: Any, error: BaseException | None, _traceback: Any) -> None:
+        if error is None:
+            return
+        what = f"pass {' and '.join(self.names)}"
+        if isinstance(error, moderngl.Error):
+            raise DeviceError(f"{what}: the device failed: {error}", legal="less memory, or a new Renderer") from error
+        by_driver = isinstance(error, DeviceError) and isinstance(error.__cause__, moderngl.Error)
+        if isinstance(error, DeviceError) and by_driver and not error.what.startswith("pass "):
+            raise DeviceError(f"{what}: {error.what}", legal=error.legal, where=error.where) from error.__cause__
