@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -175,11 +175,31 @@ def _constants(made: Plan, shader: Shader, values: Values) -> dict[str, str]:
         numbers += [literal(float(number)) for number in np.ravel(data.values)]  # type: ignore[union-attr]
     if lines:
         first = next(name for name in shader.uniforms if name in lines)
-        lines[first] = f"{_array('float', 'constant_numbers', numbers)}\n{lines[first]}"
+        lines[first] = f"{_numbers(numbers)}\n{lines[first]}"
     if LIGHTS in shader.constants:
         rows = [number_text(tuple(map(float, texel))) for texel in light_rows(made, values).reshape(-1, 4)]
         lines[LIGHTS] = _array("vec4", LIGHTS, rows)
     return lines
+
+
+BLOCK: Final = 256  # vec4 of one array: the compiler of NVIDIA refuses constructors of some thousand numbers
+
+
+def _numbers(numbers: list[str]) -> str:
+    """Arrays that hold some numbers, four in a vec4 (a float alone would take the place of a vec4), and the function
+    that reads one of them."""
+    padded = numbers + ["0.0"] * (-len(numbers) % 4)
+    rows = [f"vec4({', '.join(padded[i : i + 4])})" for i in range(0, len(padded), 4)]
+    blocks = [rows[i : i + BLOCK] for i in range(0, len(rows), BLOCK)]
+    arrays = [_array("vec4", f"constant_numbers_{k}", block) for k, block in enumerate(blocks)]
+    last = len(blocks) - 1
+    reads = [f"    if (i < {4 * BLOCK * (k + 1)}) return constant_numbers_{k}[{_row(k)}][i & 3];" for k in range(last)]
+    reads.append(f"    return constant_numbers_{last}[{_row(last)}][i & 3];")
+    return "\n".join([*arrays, "float constant_number(int i) {", *reads, "}"])
+
+
+def _row(block: int) -> str:
+    return f"(i >> 2) - {BLOCK * block}" if block else "i >> 2"
 
 
 def _array(kind: str, name: str, parts: list[str]) -> str:

@@ -98,7 +98,7 @@ class Text:
     """True if browsers must take it, too: WebGL refuses `?:` for structures."""
     dialect: Dialect = field(default_factory=Dialect)
     constants: frozenset[str] = frozenset()
-    """Names of the data that are in the constant array `constant_numbers`, in place of textures."""
+    """Names of the data that the function `constant_number` gives, in place of textures."""
     places: Mapping[str, Place] = field(default_factory=dict)
     """Pictures that are parts of an atlas, by name."""
     trees: Mapping[Function, Branch] = field(default_factory=dict)

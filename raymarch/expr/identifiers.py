@@ -14,7 +14,8 @@ struct common partition active asm class union enum typedef template this resour
 static extern external interface long short half fixed unsigned superp input output filter cast namespace using
 packed row_major column_major sizeof demote subpass
 main texture textureLod textureSize texelFetch atan2 arc_sine arc_cosine unit radians degrees sin cos tan asin acos
-atan sinh cosh tanh interpolated cell_hash pcg is_finite constant_number constant_numbers
+atan sinh cosh tanh interpolated cell_hash pcg is_finite constant_number
+constant_numbers_0 constant_numbers_1 constant_numbers_2 constant_numbers_3
 filtered filtered_mirrored filtered_in_atlas atlas_level atlas_texel texel1 texel2 texel4
 pow exp log exp2 log2 sqrt inversesqrt abs sign floor ceil trunc round fract mod modf min max clamp mix step
 smoothstep isnan isinf length distance dot cross normalize reflect refract transpose inverse determinant any all

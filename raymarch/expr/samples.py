@@ -138,7 +138,7 @@ def interval(node: Expr, *_at: Any) -> tuple[Array, Array]:
 def glsl_helper(dimension: int, constant: bool = False) -> str:
     """Text of the GLSL function that interpolates.
 
-    constant : the numbers are in the array `constant_numbers`, and the data are an ivec3 or ivec4: where they start,
+    constant : `constant_number(i)` gives the numbers, and the data are an ivec3 or ivec4: where they start,
     and their size along each axis.
     """
     text = _in_plane if dimension == 2 else _in_space
@@ -148,7 +148,7 @@ def glsl_helper(dimension: int, constant: bool = False) -> str:
         ("ivec3", "data.yz", "at.y") if dimension == 2 else ("ivec4", "data.yzw", "(at.y + data.z * at.z)")
     )
     read = f"""float constant_number({type} data, ivec{dimension} at) {{
-    return constant_numbers[data.x + at.x + data.y * {row}];
+    return constant_number(data.x + at.x + data.y * {row});
 }}
 
 """

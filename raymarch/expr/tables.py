@@ -127,12 +127,12 @@ def interval(node: Expr, index: tuple[Array, Array]) -> tuple[Array, Array]:
 def glsl_helper(channels: int, constant: bool = False) -> tuple[str, str]:
     """Name and text of the GLSL function that fetches a texel.
 
-    constant : the numbers are in the array `constant_numbers`, and the table is an int, where they start.
+    constant : `constant_number(i)` gives the numbers, and the table is an int, where they start.
     """
     type, picked = vector(channels), "xyzw"[:channels]
     name = f"texel{channels}"
     if constant:
-        parts = ", ".join(f"constant_numbers[i{f' + {k}' if k else ''}]" for k in range(channels))
+        parts = ", ".join(f"constant_number(i{f' + {k}' if k else ''})" for k in range(channels))
         return name, (
             f"{type} {name}(int data, float index) {{\n"
             f"    int i = data + {channels} * int(index);\n"
