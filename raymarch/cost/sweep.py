@@ -95,6 +95,12 @@ class Point:
         return median(self.times) if self.times else UNTIMED
 
     @property
+    def cpu(self) -> float:
+        """Milliseconds of a frame beside the drawing: the median of `walls` less `times`; nan if there are none."""
+        beside = [wall - claimed for claimed, wall in zip(self.times, self.walls, strict=True)]
+        return median(beside).value if beside else float("nan")
+
+    @property
     def error_time(self) -> float:
         """The product of error and time, the measure of Bálint and Valasek (2018): `errors.p1` times milliseconds."""
         return self.errors.p1 * self.time.value

@@ -237,6 +237,9 @@ def findings(made: Sweep, metric: str = "pixels_p99") -> list[str]:
         lines.append("no setting finds every hit: the front is empty")
     if made.base.errors.sound and not made.untimed:
         lines.append(f"the scene's own setting {standing(made, metric)}")
+    if made.base.times:
+        drawn, beside = made.base.time.value, made.base.cpu
+        lines.append(f"of its frames, drawing takes {drawn:.2f} ms, and the CPU {beside:.2f} ms before and between")
     if made.proof is not None:
         lines.append(f"proved by intervals, for the scene's own setting: {made.proof['words']}")
     unsound = sum(not p.errors.sound for p in made.points)

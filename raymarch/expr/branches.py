@@ -25,6 +25,9 @@ from raymarch.expr.walk import find, rebuild, rewrite, substitute, topological
 WORTH = 24
 """Least number of operations that a branch must spare: GPUs select from fewer without one."""
 
+SHARE = 0.08
+"""Share of the operations of all conditions and sides that a branch must spare."""
+
 TWICE = 1.25
 """Maximum factor by which a branch may lengthen the text of its sides, because both contain what they share."""
 
@@ -165,6 +168,7 @@ class _Made:
         self.asked: set[Expr] = set()
         tree = self._grown(tuple(values), {})
         self.asked = set(topological(conditions(tree)))
+        self.text = sum(map(_cost, self.asked))
         self.tree = self._weighed(tree) if self.count < MOST else Leaf(tuple(values), {})
 
     def _grown(self, values: tuple[Expr, ...], known: dict[Expr, bool]) -> Tree:
@@ -220,7 +224,8 @@ class _Made:
         together = self.selected(tree)
         sides = [sum(leaf.text for leaf in leaves(side)) for side in (tree.yes, tree.no)]
         longest = max(leaf.text for leaf in leaves(tree))
-        spares = together.text - longest >= WORTH and sum(sides) <= TWICE * together.text
+        least = max(WORTH, SHARE * (self.text + together.text))
+        spares = together.text - longest >= least and sum(sides) <= TWICE * together.text
         return tree if spares else together
 
 

@@ -17,7 +17,7 @@ LIMITS = {
     "implicit": (10, 21.0),
     "mandelbulb": (16, 16.0),
     "papers/smoothing": (12, 12.0),
-    "papers/soft_shadows": (14, 12.5),
+    "village": (8, 47.0),
     "papers/glass": (10, 17.5),
     "large/forest": (16, 13.0),
     "large/molecule": (16, 11.0),
