@@ -262,6 +262,13 @@ class Scene(Value):
         return (np.zeros(3), 1.0) if box is None else ((box.lower + box.upper) / 2, float(np.linalg.norm(box.size)))
 
     @property
+    def path_extent(self) -> float:
+        """Twice the diagonal of the `subject`, in the measure of `far`: the length that sets the precision of paths."""
+        if self.subject is None:
+            return 1e30
+        return 2.0 * self.middle[1] * (1.0 if self.node.facts.bounded else HORIZON)
+
+    @property
     def ambient_occlusion(self) -> AmbientOcclusion | None:
         """The `occlusion`, with the reach that follows from the size of the scene if none is given."""
         if self.occlusion is None:

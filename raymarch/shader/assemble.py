@@ -265,6 +265,7 @@ def _constants(plan: Plan) -> dict[str, Mapped]:
             "epsilon_pixels": ("float", literal(plan.epsilon)),
             "contact_share": ("float", literal(plan.contact_share)),
             "leap_pixels": ("float", literal(_leap(plan))),
+            "path_extent": ("float", literal(plan.scene.path_extent)),
             "cone_share": ("float", literal(CONE_SHARE)),
             "step_scale": ("float", literal(quality.step_scale)),
             "step_variation": ("float", literal(quality.step_variation)),

@@ -25,7 +25,11 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
         float width = at.passing ? widths.z : widths.y;
 #ifdef ORTHOGRAPHIC
         bool aiming = at.refining || aims_at_surface(at.r, at.last_derivative, widths.x * at.t + width);
+#ifdef BOUNCES
+        float leap = leap_pixels * secondary_pixel();
+#else
         float leap = leap_pixels * u_pixel;
+#endif
         float touch = widths.x * at.t + hit_width(widths);
 #else
         bool aiming = at.refining || aims_at_surface(at.r, at.last_derivative, widths.x + width * at.t);

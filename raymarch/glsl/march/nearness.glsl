@@ -2,13 +2,14 @@
 float nearness(vec3 p, float t, float pixels) {
     vec3 size = abs(p);
     float ulps = 2.0 * GROWTH * max(max(size.x, size.y), max(size.z, t));  // 2 ulp of the largest
-#ifdef ORTHOGRAPHIC
-    return max(pixels * u_pixel, ulps);
-#else
 #ifdef BOUNCES
-    return max(pixels * secondary_pixel() * t, ulps);
+    pixels *= secondary_pixel();
 #else
-    return max(pixels * u_pixel * t, ulps);
+    pixels *= u_pixel;
 #endif
+#ifdef ORTHOGRAPHIC
+    return max(pixels, ulps);
+#else
+    return max(pixels * t, ulps);
 #endif
 }

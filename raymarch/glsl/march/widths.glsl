@@ -10,13 +10,14 @@ uniform float u_pixel;  // width of a pixel at distance 1
 const float GROWTH = 1.1920929e-7;  // growth of the coordinates' ulp per unit of length along a ray
 #ifdef BOUNCES
 
-// The pixel that sets how near rays that bounce end at a surface and start from it. It is at most 1/300 of the path,
-// because the brightness of a room must not depend on the size of the picture.
+// The pixel that sets how near rays end at a surface and start from it in scenes with bounces. It is at most 1/300 of
+// the path, or of twice the diagonal of the solids where that is shorter: the brightness of a room must depend neither
+// on the size of the picture nor on the distance of the camera.
 float secondary_pixel() {
 #ifdef ORTHOGRAPHIC
-    return u_pixel;
+    return min(u_pixel, 0.0033 * path_extent);
 #else
-    return min(u_pixel, 0.0033);
+    return min(u_pixel, 0.0033 * min(path_extent / u_far, 1.0));
 #endif
 }
 #endif
@@ -38,7 +39,7 @@ vec3 hit_widths(Ray ray) {
 #else
     vec2 pixels = vec2(1.0, contact_share) * (epsilon_pixels * u_pixel);
 #ifdef BOUNCES
-    pixels.y *= secondary_pixel() / u_pixel;
+    pixels *= secondary_pixel() / u_pixel;
 #endif
 #endif
 #ifdef ORTHOGRAPHIC
