@@ -11,8 +11,9 @@ import sys
 import sysconfig
 import warnings
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import islice
 from types import FrameType
 from typing import Any
 
@@ -46,10 +47,14 @@ def printable(text: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """A line of a Python file: where the user made a node or another part of a scene."""
+    """A line of a Python file: where the user made a node or another part of a scene.
+
+    columns : first byte of the expression in its line, and the byte after its last, if they are known.
+    """
 
     file: str
     line: int
+    columns: tuple[int, int] | None = field(default=None, compare=False, repr=False)
 
     def __str__(self) -> str:
         return printable(f"{self.file}:{self.line}")
@@ -90,7 +95,7 @@ class RaymarchError(Exception):
     def __init__(self, what: str, *, legal: str = "", where: Location | None = None) -> None:
         self.what = what
         self.legal = legal
-        self.where = where if where is not None else user_location()
+        self.where = where if where is not None else user_location(exact=True)
         super().__init__(str(self))
 
     def __str__(self) -> str:
@@ -187,16 +192,34 @@ def warn_of_doubts(doubts: Iterable[str]) -> None:
 _said: dict[Any, Any] = {}
 
 
-def user_location() -> Location | None:
-    """The innermost line of the call stack that is neither in this package nor in an installed library, or None."""
+def user_location(exact: bool = False) -> Location | None:
+    """The innermost line of the call stack that is neither in this package nor in an installed library, or None.
+
+    exact : also find the columns of the call, which takes longer.
+    """
     frame: FrameType | None = sys._getframe(1)
     while frame is not None:
         file = frame.f_code.co_filename
         # Methods that dataclasses generate have no file, but the globals of their module.
         if is_users(file) and not str(frame.f_globals.get("__name__")).startswith("raymarch."):
-            return _location(file, frame.f_lineno)
+            return Location(file, frame.f_lineno, _columns(frame)) if exact else _location(file, frame.f_lineno)
         frame = frame.f_back
     return None
+
+
+def _columns(frame: FrameType) -> tuple[int, int] | None:
+    """The columns of the call that a frame is in; up to the end of the line if it goes on below."""
+    found = next(islice(frame.f_code.co_positions(), frame.f_lasti // 2, None), None)
+    return None if found is None else columns_of(frame.f_lineno, *found)
+
+
+def columns_of(
+    line: int, first: int | None, last: int | None, start: int | None, end: int | None
+) -> tuple[int, int] | None:
+    """The columns of a `Location` from first and last line, and first column and the one after the last, in bytes."""
+    if start is None or end is None or first != line:
+        return None
+    return start, end if last == line else sys.maxsize
 
 
 @lru_cache(4096)

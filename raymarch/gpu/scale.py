@@ -43,6 +43,7 @@ class Scale:
     kind : "linear"; "log", linear in the logarithm (low > 0); or "reciprocal", linear in the reciprocal (low > 0, high
         may be infinite), where `low` has the colour of the largest value.
     colors : a key of `color_maps.MAPS`.
+    whole : whether the values are counts, so that ticks are whole numbers.
     """
 
     quantity: str
@@ -50,6 +51,7 @@ class Scale:
     high: float
     kind: Literal["linear", "log", "reciprocal"] = "linear"
     colors: str = "inferno"
+    whole: bool = False
 
     def normalized(self, values: Any) -> NDArray[np.float64]:
         """Normalized position of values in the range, 0 to 1, clamped."""
@@ -82,6 +84,7 @@ class Scale:
             first, last = math.ceil(math.log10(self.low) - 1e-9), math.floor(math.log10(self.high) + 1e-9)
             return [10.0**n for n in range(first, last + 1)]
         step = nice((self.high - self.low) / 5)
+        step = max(step, 1.0) if self.whole else step
         first, last = math.ceil(self.low / step - 1e-9), math.floor(self.high / step + 1e-9)
         return [n * step for n in range(first, last + 1)]
 

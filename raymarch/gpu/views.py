@@ -67,7 +67,7 @@ def _count(quantity: str) -> Callable[[NDArray[Any]], Scale]:
     def scale(counts: NDArray[Any]) -> Scale:
         most = _largest(counts)
         high = float(np.percentile(counts, 99)) or most or 1.0
-        return Scale(quantity if most <= high else f"{quantity}, at most {most:.4g}", 0.0, high)
+        return Scale(quantity if most <= high else f"{quantity}, at most {most:.4g}", 0.0, high, whole=True)
 
     return scale
 

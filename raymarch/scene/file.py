@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from raymarch.errors import Location, RaymarchError, SceneError, is_users
+from raymarch.errors import Location, RaymarchError, SceneError, columns_of, is_users
 from raymarch.expr.convert import described, working_directory_kept
 from raymarch.scene.scene import Scene, scene_of
 from raymarch.sdf.node import Node
@@ -54,7 +54,7 @@ def load(path: str | os.PathLike[str], source: bytes | None = None) -> Scene:
         raise
     except SyntaxError as fault:
         in_a_file = fault.filename and not fault.filename.startswith("<")
-        where = Location(str(fault.filename), fault.lineno or 1) if in_a_file else _line_in(fault, name)
+        where = _place(fault) if in_a_file else _line_in(fault, name)
         raise SceneError(f"{type(fault).__name__}: {fault.msg}", where=where) from fault
     except SystemExit as fault:
         raise SceneError(
@@ -141,4 +141,16 @@ def _line_in(fault: BaseException, name: str) -> Location:
     frames = traceback.extract_tb(fault.__traceback__)
     own = [f for f in frames if f.filename == name or (is_users(f.filename) and not f.filename.startswith("<"))]
     frame = own[-1] if own else None
-    return Location(frame.filename, frame.lineno or 1) if frame else Location(name, 1)
+    if frame is None:
+        return Location(name, 1)
+    line = frame.lineno or 1
+    return Location(frame.filename, line, columns_of(line, line, frame.end_lineno, frame.colno, frame.end_colno))
+
+
+def _place(fault: SyntaxError) -> Location:
+    """The place of an error of syntax."""
+    line, text = fault.lineno or 1, fault.text or ""
+    start = None if not fault.offset else len(text[: fault.offset - 1].encode())
+    after = fault.end_offset if fault.end_offset and fault.end_offset > 0 else (fault.offset or 0) + 1
+    end = len(text[: after - 1].encode())
+    return Location(str(fault.filename), line, columns_of(line, line, fault.end_lineno or line, start, end))

@@ -56,6 +56,14 @@ class Spec:
         return np.asarray(low, np.float64), np.asarray(high, np.float64)
 
     @property
+    def range(self) -> str:
+        """The range in words: "0 to 2", ">= 0", "<= 2" or "any value"."""
+        low, high = (None if end is None else _shown(end) for end in (self.min, self.max))
+        if low is not None and high is not None:
+            return f"{low} to {high}"
+        return f">= {low}" if low is not None else f"<= {high}" if high is not None else "any value"
+
+    @property
     def legal(self) -> str:
         low = "" if self.min is None else f" >= {_shown(self.min)}"
         high = "" if self.max is None else f" <= {_shown(self.max)}"

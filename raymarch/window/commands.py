@@ -38,7 +38,6 @@ from raymarch.window.model import (
 )
 from raymarch.window.news import Failed, Fault, Loaded, News, Started, Watching
 from raymarch.window.pick import Pick
-from raymarch.window.state import shown
 from raymarch.window.timeline import Timeline
 from raymarch.window.undo import redo as redo
 from raymarch.window.undo import remember
@@ -176,6 +175,7 @@ def set_pace(model: Model, budget: float | None = None, samples: int | None = No
 def set_param(model: Model, name: str, value: Any) -> None:
     """Set a parameter, clamped to its range."""
     remember(model, name)
+    model.listed_at = clock_time.perf_counter()
     model.state.set(name, value)
     model.say("param", name=name, value=model.state.value(name))
 
@@ -200,6 +200,7 @@ def select_param(model: Model, step: int) -> None:
         return
     at = -1 if state.selected is None else names.index(state.selected)
     at = at + step if state.selected is not None or step > 0 else len(names) - 1
+    model.listed_at = clock_time.perf_counter()
     state.selected = names[at] if 0 <= at < len(names) else None
 
 
@@ -271,8 +272,8 @@ def accept(model: Model, show: Show) -> None:
     model.state, model.changed_at = show.state, clock_time.perf_counter()
     if show.loaded is not None:
         model.fault = model.pick = model.trial = None
-        for text in show.changes:
-            model.notice(text)
+        if show.changes:
+            model.notice("\n".join(show.changes))
         return
     edits = show.state.edits
     lights = None if edits.lights is None else [light.kind for light in edits.lights]
@@ -353,10 +354,10 @@ def measure(model: Model) -> None:
 # Files
 
 
-def save_picture(model: Model) -> None:
-    """Save the complete picture, without panel and messages."""
+def save_picture(model: Model, word: str = "") -> None:
+    """Save the complete picture, without panel and messages. The notice of it ends with a word."""
     size = None if model.saved_size == "as shown" else model.saved_pixels
-    model.request(SavePicture(_free(model, ".png"), model.state.timeline.time, size))
+    model.request(SavePicture(_free(model, ".png"), model.state.timeline.time, size, word))
 
 
 def save_film(model: Model) -> None:
@@ -375,8 +376,7 @@ def save_sequence(model: Model, film: Path | None = None) -> None:
 
     A still scene is one picture."""
     if not model.state.animated:
-        model.notice("this scene does not depend on time: one picture is all of it")
-        save_picture(model)
+        save_picture(model, ": this scene does not depend on time, and one picture is all of it")
         return
     line = model.state.timeline
     first, last = line.loop or (line.time, line.time + SECONDS)
@@ -398,14 +398,14 @@ def continue_sequence(model: Model) -> None:
         model.request(SavePicture(file, series.first + series.done / series.fps, size))
 
 
-def saved(model: Model, file: Path, fault: SceneError | None = None) -> None:
-    """A picture was saved, or could not be."""
+def saved(model: Model, file: Path, fault: SceneError | None = None, word: str = "") -> None:
+    """A picture was saved, or could not be. The notice of it ends with a word."""
     series = model.sequence if model.sequence is not None and model.sequence.folder == file.parent else None
     if fault is not None:
         model.notice(fault.what)
         model.sequence = None if series else model.sequence
     elif series is None:
-        model.notice(f"saved {file}")
+        model.notice(f"saved {file}{word}")
         model.say("saved", file=str(file))
     else:
         series.done += 1
@@ -462,7 +462,7 @@ def escape(model: Model) -> None:
     """Stop a running trial or sequence, and close messages."""
     model.request(Interrupt())
     model.closed = model.trial is None
-    model.notices.clear()
+    model.notice_text = ""
     if model.sequence is not None:
         model.notice(f"stopped after {model.sequence.done} pictures")
         model.sequence = None
@@ -482,12 +482,3 @@ def open_editor(model: Model) -> None:
 
 def close(model: Model) -> None:
     model.request(Close())
-
-
-def parameters(model: Model) -> str:
-    """The parameters with values and ranges; the selected one is marked."""
-    lines = []
-    for name, spec in model.state.specs.items():
-        mark = ">" if name == model.state.selected else " "
-        lines.append(f"{mark} {name} = {shown(model.state.value(name))}  ({spec.legal})")
-    return "\n".join(lines)

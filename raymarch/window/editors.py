@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from raymarch.scene.material import Material
 from raymarch.scene.quality import NORMALS, SCHEDULES, TRACERS
 from raymarch.window import commands as do
 from raymarch.window import edits
@@ -79,7 +78,8 @@ class Editors:
         now = state.edits
         for index, material in enumerate(state.base.materials):
             values = now.materials.get(index)
-            self._swatch(index, material, values)
+            color = state.material_color(index) or (0.2, 0.2, 0.2)
+            self._fields.swatch(f"material {index}", color, imgui.get_font_size())
             imgui.same_line()
             if values is None:
                 if self._fields.button(f"edit##{index}", f"edit material {index}", small=True):
@@ -100,17 +100,6 @@ class Editors:
                     do.edit(self._model, replace(now, materials=new))
         if now.materials:
             self._foot("materials", materials={})
-
-    def _swatch(self, index: int, material: Material, values: dict[str, Any] | None) -> None:
-        """The colour of a material, if it is constant; of an edited one as it is now."""
-        state = self._model.state
-        name = "albedo" if material.physical else "color"
-        color = (values or edits.editable_material(material)).get(name)
-        parameter = edits.material_name(index, name)
-        if values is not None and parameter in state.specs:
-            color = state.value(parameter)
-        constant = isinstance(color, tuple) and len(color) == 3
-        self._fields.swatch(f"material {index}", color if constant else (0.2, 0.2, 0.2), self._imgui.get_font_size())
 
     def quality(self) -> None:
         """The slider from fast to exact, and the editor of the marching quality."""
@@ -137,7 +126,7 @@ class Editors:
         now = nearest(stops, model.state.scene.quality)
         at = len(stops) // 2 if now is None else now
         name = "the file's own" if now is None else stops[now].name
-        changed, chosen = imgui.slider_int(self._fields.label("fast to exact"), at, 0, len(stops) - 1, name)
+        changed, chosen = imgui.slider_int(self._fields.label("fast to exact"), at, 0, len(stops) - 1, "")
         self._fields.mark("accuracy")
         if changed and chosen != now:
             do.approach(model, int(chosen))

@@ -49,14 +49,36 @@ class Fields:
         imgui.text(text.partition("##")[0])
         return f"##{text}"
 
+    def numbered(self, text: str, number: str) -> str:
+        """The label of the next slider with its number before it, so that the knob hides neither."""
+        visible, _, ident = self.label(text, number).partition("##")
+        return f"{number}{visible}###{ident or visible}"  # after ### stands what does not change
+
+    def slider(self, label: str, value: float, low: float, high: float, words: str = "") -> tuple[bool, float]:
+        """A slider with its number, or words for it, beside it. Returns whether it was moved, and the value."""
+        number = f"{words or f'{value:.4g}'}  "
+        changed, new = self.imgui.slider_float(self.numbered(label, number), value, low, high, "")
+        self.mark(label)
+        return bool(changed), float(new)
+
+    def whole_slider(self, label: str, value: int, low: int, high: int, words: str = "") -> tuple[bool, int]:
+        """A slider of whole numbers, like `slider`."""
+        number = f"{words or value}  "
+        changed, new = self.imgui.slider_int(self.numbered(label, number), value, low, high, "")
+        self.mark(label)
+        return bool(changed), int(new)
+
     def param(self, name: str, spec: Spec, label: str = "") -> None:
         """A slider or colour field for a parameter. Before one that differs from the file, an arrow returns to it."""
         imgui, value = self.imgui, self.model.state.value(name)
-        number = "" if isinstance(value, tuple) or np.equal(*_ends(spec)) else f"{value:.4g}  "
-        text = self.label(label or name, number)
-        if number:
-            visible, _, ident = text.partition("##")
-            text = f"{number}{visible}###{ident or visible}"  # after ### stands what does not change
+        slides = not np.equal(*_ends(spec))
+        if not slides or (isinstance(value, tuple) and len(value) in (3, 4) and _is_color(name, spec)):
+            text = self.label(label or name)
+        elif isinstance(value, tuple):  # its numbers do not fit beside it
+            imgui.text(f"{(label or name).partition('##')[0]}  {', '.join(f'{v:.4g}' for v in value)}")
+            text = f"##{label or name}"
+        else:
+            text = self.numbered(label or name, f"{value:.4g}  ")
         edge, gap = imgui.get_frame_height(), imgui.get_style().item_inner_spacing.x
         if not self.model.state.changed(name):
             imgui.dummy((edge, edge))
@@ -112,7 +134,7 @@ class Fields:
             if len(value) in (3, 4) and _is_color(name, spec):
                 return self._color(label, name, value)
             field = getattr(imgui, f"{'slider' if high > low else 'drag'}_float{len(value)}")
-            changed, new = field(label, list(value), *((low, high) if high > low else (0.01,)))
+            changed, new = field(label, list(value), *((low, high, "") if high > low else (0.01,)))
             return changed, tuple(new)
         if high > low:
             return imgui.slider_float(label, value, low, high, "")

@@ -85,11 +85,13 @@ class Inspect:
 
 @dataclass(frozen=True, slots=True)
 class SavePicture:
-    """Save the complete picture at a time to a file; of a size in pixels, by default that of the window's picture."""
+    """Save the complete picture at a time to a file; of a size in pixels, by default that of the window's picture.
+    The notice of it ends with `word`."""
 
     file: Path
     time: float
     size: tuple[int, int] | None = None
+    word: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,7 +215,10 @@ class Model:
     panel : whether the panel is visible; None if its extra is not installed.
     narrow : whether the panel is narrow. opened : whether sections of the panel are open, by name.
     compare : what the picture is compared with. known : the fraction of the reference that is computed.
-    help, notices, fault, pick : messages: notices with the time at which they end.
+    help, fault, pick : messages. notice_text, notice_until : the last notice, and when it ends.
+    listed_at : time of the last change of a selected parameter, whose list fades.
+    full_screen, rate : whether the window fills the screen, and its frames per second.
+    hint : time until which the window says how to get help.
     closed : whether Esc closed the message of the fault.
     draft : changes of the scene file that are shown before they are saved.
     trial : file and start of the running trial of a changed scene file.
@@ -241,7 +246,12 @@ class Model:
     saved_size: str = "as shown"
     known: float = 0.0
     help: bool = False
-    notices: list[tuple[float, str]] = field(default_factory=list)
+    notice_text: str = ""
+    notice_until: float = 0.0
+    listed_at: float = 0.0
+    full_screen: bool = False
+    rate: float = 0.0
+    hint: float = 0.0
     fault: Fault | None = None
     closed: bool = False
     draft: Draft | None = None
@@ -299,8 +309,8 @@ class Model:
         self.requests.extend(requests)
 
     def notice(self, text: str) -> None:
-        """Show a notice for a few seconds."""
-        self.notices.append((clock_time.perf_counter() + NOTICED, text))
+        """Show a notice for a few seconds, in place of the one before."""
+        self.notice_text, self.notice_until = text, clock_time.perf_counter() + NOTICED
         self.log.say("notice", text=text)
 
     def say(self, event: str, **facts: Any) -> None:

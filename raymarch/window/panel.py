@@ -102,10 +102,10 @@ class Panel:
         if imgui.checkbox("errors against the reference", model.compare.errors)[0]:
             do.toggle_errors(model)
         fields.mark("errors")
-        changed, budget = imgui.slider_float(fields.label("budget, ms"), model.budget, 5.0, 200.0)
+        changed, budget = fields.slider("budget, ms", model.budget, 5.0, 200.0)
         if changed:
             do.set_pace(model, budget=budget)
-        changed, samples = imgui.slider_int("samples", model.samples, 1, 256)
+        changed, samples = fields.whole_slider("samples", model.samples, 1, 256)
         if changed:
             do.set_pace(model, samples=samples)
         model.saved_size = fields.choice("saved size", SAVED_SIZES, model.saved_size)
@@ -119,9 +119,9 @@ class Panel:
         imgui, model = self._imgui, self._model
         camera = model.state.hold()
         if camera.height is None:
-            changed, fov = imgui.slider_float("fov", camera.fov, 5.0, 120.0)
+            changed, fov = self._fields.slider("fov", camera.fov, 5.0, 120.0)
             if changed:
-                do.move(model, control.zoomed, float(fov))
+                do.move(model, control.zoomed, fov)
         else:
             changed, height = imgui.drag_float("height", camera.height, 0.01 * camera.height)
             if changed and height > 0.0:
@@ -146,13 +146,12 @@ class Panel:
             imgui.same_line()
         imgui.new_line()
         first, last = line.loop or (0.0, 10.0)
-        changed, moment = imgui.slider_float("time", line.time, first, max(last, line.time))
-        fields.mark("time")
+        changed, moment = fields.slider("time", line.time, first, max(last, line.time), f"{line.time:.2f}")
         if changed:
-            do.scrub(model, float(moment))
-        changed, speed = imgui.slider_float("speed", line.speed, -4.0, 4.0)
+            do.scrub(model, moment)
+        changed, speed = fields.slider("speed", line.speed, -4.0, 4.0)
         if changed:
-            do.set_timeline(model, replace(model.state.timeline, speed=float(speed)))
+            do.set_timeline(model, replace(model.state.timeline, speed=speed))
         changed, looping = imgui.checkbox("loop", line.loop is not None)
         if changed:
             do.set_timeline(model, line.looping((0.0, max(line.time, 1.0)) if looping else None))

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from queue import SimpleQueue
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,11 @@ from raymarch.window.news import near
 from raymarch.window.shot import Shot
 
 Vector = NDArray[np.float64]
+Swatch: TypeAlias = tuple[int, int, int] | None
+"""A colour in sRGB, or None."""
+
+SWATCH = "\u25a0"
+"""The character that stands for a swatch at the beginning of a text."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,6 +47,7 @@ class Pick:
     iterations, evaluations : cost of the ray.
     true : the reference distance in float64, None until it is known; likewise `true_normal` and `true_evaluations`.
     part : the shape at the hit, with the user's line.
+    surface, swatch : the name of the material, and its colour in sRGB if it is constant.
     """
 
     number: int
@@ -58,6 +64,16 @@ class Pick:
     part: str | None = None
     where: Location | None = None
     trouble: str = ""
+    surface: str = ""
+    swatch: Swatch = None
+
+    def place(self, pose: Pose, size: tuple[int, int]) -> tuple[int, int] | None:
+        """Column and row of the hit in a picture; None if it is not in it."""
+        found = pose.place(self.position, size) if np.isfinite(self.distance) else None
+        if found is None:
+            return None
+        column, row = (round(v) for v in found)
+        return (column, row) if 0 <= column < size[0] and 0 <= row < size[1] else None
 
     def text(self) -> str:
         if not np.isfinite(self.distance):
@@ -65,7 +81,7 @@ class Pick:
         else:
             lines = [
                 f"{self.part or '...'}\t{f'{near(self.where.file)}:{self.where.line}' if self.where else ''}",
-                f"material\t{self.material}",
+                f"material\t{'' if self.swatch is None else f'{SWATCH} '}{self.surface or self.material}",
                 f"position\t{_triple(self.position)}",
                 f"normal\t{_triple(self.normal)}",
                 f"distance\t{self.distance:.7g}",
@@ -93,18 +109,29 @@ class Pick:
         )
 
 
-def picked(number: int, pixel: tuple[int, int], texels: Mapping[str, Any], origin: Vector, ray: Vector) -> Pick:
-    """A pick from the texels of one pixel."""
+def picked(
+    number: int,
+    pixel: tuple[int, int],
+    texels: Mapping[str, Any],
+    origin: Vector,
+    ray: Vector,
+    named: Callable[[int], tuple[str, Swatch]] = lambda index: ("", None),
+) -> Pick:
+    """A pick from the texels of one pixel. named : name and colour of a material by its index."""
     distance = float(texels["depth"][0, 0])
+    material = int(texels["material"][0, 0])
+    surface, swatch = named(material)
     return Pick(
         number=number,
         pixel=pixel,
         distance=distance,
         position=origin + (distance if np.isfinite(distance) else 0.0) * ray,
         normal=np.asarray(texels["normal"][0, 0], np.float64),
-        material=int(texels["material"][0, 0]),
+        material=material,
         iterations=int(texels["iterations"][0, 0]),
         evaluations=int(texels["evaluations"][0, 0]),
+        surface=surface,
+        swatch=swatch,
     )
 
 

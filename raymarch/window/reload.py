@@ -145,7 +145,7 @@ class Reloader:
         self._known, self._known_for = [*kept, *answer["files"]], file
         self._watch.files([str(file.absolute()), *self._known])
         if answer["error"] is not None:
-            self._tell(Failed(Fault(**answer["error"])))
+            self._tell(Failed(Fault.read(answer["error"])))
         elif silent:
             self._tell(Watching(tuple(self._known)))
         else:

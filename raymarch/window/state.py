@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import linecache
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,14 +13,17 @@ import numpy as np
 
 from raymarch.errors import RaymarchError, SceneError
 from raymarch.expr.convert import choice, real
-from raymarch.expr.walk import find
+from raymarch.expr.node import Expr
+from raymarch.expr.srgb import linear_to_srgb
+from raymarch.expr.walk import find, free_variables
 from raymarch.gpu.views import VIEWS
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import LEAST_LENGTH, MOST_LENGTH, Spec, Value, Values, set_values
 from raymarch.scene.scene import Scene
 from raymarch.window import control
 from raymarch.window.control import View
-from raymarch.window.edits import Edits
+from raymarch.window.edits import Edits, editable_material, material_name
+from raymarch.window.news import near
 from raymarch.window.rebase import rebased
 from raymarch.window.shot import Shot, progressive
 from raymarch.window.timeline import Timeline
@@ -144,6 +149,39 @@ class State:
         """The current value of a parameter."""
         return self.params.get(name, self.specs[name].value)
 
+    def material_color(self, index: int) -> tuple[float, ...] | None:
+        """The linear colour of a material of the file, as it is edited; None if it varies from point to point."""
+        material = self.base.materials[index]
+        name = "albedo" if material.physical else "color"
+        edited = self.edits.materials.get(index)
+        parameter = material_name(index, name)
+        if edited is not None and parameter in self.specs:
+            color: Any = self.value(parameter)
+        else:
+            color = (edited or editable_material(material)).get(name)
+        if isinstance(color, Expr) and not free_variables([color]):
+            color = tuple(float(v) for v in np.ravel(self.values.of(color)))
+        return color if isinstance(color, tuple) and len(color) == 3 else None
+
+    def named_material(self, index: int) -> tuple[str, tuple[int, int, int] | None]:
+        """The name of a material, and its colour in sRGB, None if it varies.
+
+        The name is that of the variable that the file assigns it to, and the line; its index if there is none.
+        """
+        if not 0 <= index < len(self.base.materials):
+            return "", None
+        where, name = self.base.materials[index].where, str(index) if index else "default"
+        if where is not None and index:
+            assigned = re.match(
+                r"\s*(\w+)\s*(?::[^=]*)?=(?!=).*\bMaterial\b", linecache.getline(where.file, where.line)
+            )
+            name = f"{assigned[1] if assigned else index}, {near(where.file)}:{where.line}"
+        color = self.material_color(index)
+        if color is None:
+            return name, None
+        red, green, blue = (round(255 * float(v)) for v in linear_to_srgb(np.clip(color, 0.0, 1.0)))
+        return name, (red, green, blue)
+
     def settings(self) -> dict[str, Any]:
         """Everything that the user can change, as JSON types; see `restore`."""
         camera = self.camera
@@ -187,13 +225,18 @@ class State:
             ) from None
 
 
-def opened(file: Path, scene: Scene, params: Mapping[str, Any], aspect: float) -> State:
-    """The initial state of a scene. SceneError for a parameter that is unknown or out of range."""
+def opened(file: Path, base: Scene, params: Mapping[str, Any], aspect: float, edits: Edits | None = None) -> State:
+    """The initial state of a scene, with edits.
+
+    SceneError for a parameter that is unknown or out of range.
+    """
+    edits = edits or Edits()
+    scene = base if edits.empty else edits.apply(base)
     specs = parameters_in_order(scene, scene, file)
     given = set_values(specs, params, 0.0, scene.where)
     return State(
         file,
-        scene,
+        base,
         scene,
         progressive(scene),
         specs,
@@ -202,6 +245,7 @@ def opened(file: Path, scene: Scene, params: Mapping[str, Any], aspect: float) -
         timeline=Timeline(),
         animated=_animated(scene),
         aspect=aspect,
+        edits=edits,
     )
 
 

@@ -112,13 +112,13 @@ class Window:
         """Ask the window to close; `closing` is True from then on."""
         self.glfw.set_window_should_close(self.handle, True)
 
-    def toggle_full_screen(self) -> None:
-        """Fill the screen that the window is on, or return to where it was."""
+    def toggle_full_screen(self) -> bool:
+        """Fill the screen that the window is on, or return to where it was. Returns whether it fills the screen."""
         glfw, handle = self.glfw, self.handle
         if self._windowed is not None:
             (x, y, width, height), self._windowed = self._windowed, None
             glfw.set_window_monitor(handle, None, x, y, width, height, glfw.DONT_CARE)
-            return
+            return False
         x, y = glfw.get_window_pos(handle)
         width, height = self.extent
         middle = x + width // 2, y + height // 2
@@ -130,6 +130,7 @@ class Window:
         mode = glfw.get_video_mode(screen)
         self._windowed = x, y, width, height
         glfw.set_window_monitor(handle, screen, 0, 0, mode.size.width, mode.size.height, mode.refresh_rate)
+        return True
 
     def title(self, text: str) -> None:
         self.glfw.set_window_title(self.handle, text)

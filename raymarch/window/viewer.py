@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import signal
-import threading
 import time as clock_time
 from collections import deque
 from collections.abc import Mapping
-from contextlib import ExitStack
 from pathlib import Path
-from types import FrameType
-from typing import Any, Self
+from typing import Any
 
 from raymarch.errors import RaymarchError, SceneError
 from raymarch.files import read_json, reading, recorded, written
@@ -20,17 +16,18 @@ from raymarch.gpu.screen import Screen
 from raymarch.gpu.views import VIEWS
 from raymarch.gpu.views import picture as picture_of
 from raymarch.scene.file import load
-from raymarch.startup import SIGNALS
 from raymarch.window import commands as do
 from raymarch.window import control, editor, toolkit
 from raymarch.window.accuracy import Stop, preset_stops
 from raymarch.window.comparison import Comparison
 from raymarch.window.constants import CLICKED, Constants
-from raymarch.window.events import Drop, Event
+from raymarch.window.edits import Edits
+from raymarch.window.events import Button, Drop, Event, Key
 from raymarch.window.filming import filmed
 from raymarch.window.inputs import Mouse, flying
+from raymarch.window.interruption import Interruption
 from raymarch.window.memory import recall, remember
-from raymarch.window.messages import Message, messages_of
+from raymarch.window.messages import Message, messages_of, status
 from raymarch.window.model import (
     Close,
     Copy,
@@ -48,7 +45,8 @@ from raymarch.window.model import (
     WriteFilm,
 )
 from raymarch.window.news import Fault
-from raymarch.window.overlay import Bar, Overlay
+from raymarch.window.outside import Outside
+from raymarch.window.overlay import Bar, Item, Mark, Overlay
 from raymarch.window.pace import Pace, scaled
 from raymarch.window.panel import Panel
 from raymarch.window.pick import Inquiry, picked
@@ -68,36 +66,11 @@ SHORTEST = 1 / 120
 """Minimum duration of a frame in seconds."""
 
 
+HINTED = 10.0
+"""Seconds for which the window says how to get help, unless something is pressed."""
+
 TITLED = 0.25
 """Seconds between two changes of the title while pictures change."""
-
-
-class Interruption:
-    """Handles Ctrl+C, and the other signals that interrupt a command.
-
-    In its context, the first sets `asked`, which the loop checks; the second raises KeyboardInterrupt. An exception at
-    the first could occur at any line: in a callback of glfw, which swallows it, or while a lock is held.
-    """
-
-    def __init__(self) -> None:
-        self.asked = False
-        self._before = ExitStack()
-
-    def __enter__(self) -> Self:
-        if threading.current_thread() is threading.main_thread():  # other threads cannot handle signals
-            for number in SIGNALS:
-                if callable(before := signal.getsignal(number)):
-                    self._before.callback(signal.signal, number, before)
-                    signal.signal(number, self._handle)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._before.close()
-
-    def _handle(self, number: int, frame: FrameType | None) -> None:
-        if self.asked:
-            raise KeyboardInterrupt
-        self.asked = True
 
 
 class Viewer:
@@ -113,6 +86,8 @@ class Viewer:
     panel : whether the panel is visible at the start, if its extra is installed.
     stops : the settings between fast and exact; none are the presets.
     time : of the scene at the start, in seconds; None is that of the settings, or 0.
+    outside : where values of parameters come from.
+    quality : a preset, in place of the scene's quality.
 
     Raises SceneError, PlanError, ShaderError for a scene that cannot be shown, DeviceError without a display.
     """
@@ -129,16 +104,21 @@ class Viewer:
         panel: bool = True,
         stops: tuple[Stop, ...] = (),
         time: float | None = None,
+        outside: Outside | None = None,
+        quality: str | None = None,
     ) -> None:
         with recorded() as self._read:
             scene = load(file)
-        state = opened(file, scene, params or {}, size[0] / size[1])
+        chosen = [stop.changes(scene.quality) for stop in preset_stops() if stop.name == quality]
+        edits = Edits(quality=chosen[0]) if chosen else None
+        state = opened(file, scene, params or {}, size[0] / size[1], edits)
         if settings is not None:
             saved = read_json("--settings", settings, SAVED_SETTINGS)
             with reading("--settings", settings, SAVED_SETTINGS):
                 state.restore(saved)
         if time is not None:
             state.timeline = state.timeline.scrub(time)
+        self._outside = outside
         self.model = Model(state, budget, samples, stops or preset_stops(), size=size)
         self._constants, self._clicks, self._edited = Constants(), Constants(), Constants()
         self.model.log = Log(log)
@@ -175,13 +155,15 @@ class Viewer:
             self._toolkit = toolkit.Toolkit(found, window, self.screen)
             self._panel, model.panel = Panel(found.imgui, model), panel
             model.narrow, model.opened = recall()
+        if self._outside is not None:
+            self._outside.wake = window.wake
         self._mouse = Mouse(model, window.pixel, lambda: window.extent)
         self._clicked: Any = None
         self._picks = self._frames = 0
         self._live = 2  # frames in which the panel must be drawn: a change shows in the frame after the next
         self._unshown = 1  # frames that must be shown, whatever they hold
         self._idle = False
-        self._messages: list[Message | Bar] = []
+        self._messages: list[Item] = []
         self._ends: deque[float] = deque(maxlen=16)
         self._titled = 0.0
         self._at = clock_time.perf_counter()
@@ -205,6 +187,7 @@ class Viewer:
         self.screen.clear(0.12)  # a driver may compile for seconds
         self._announce(f"{model.state.file.name}: compiling", "note", "middle")
         self.picture.step(model.state.shot(), model.area, False)
+        model.hint = clock_time.perf_counter() + HINTED
         model.say("open", size=self.window.size, density=self.window.density, renderer=model.driver)
 
     # The loop
@@ -240,6 +223,8 @@ class Viewer:
             do.take_news(model, news)
         for found in self._inquiry.latest():
             do.take_truth(model, found)
+        if self._outside is not None:
+            self._outside.take(model)
         do.advance(model, min(passed, 0.25))
         if any(speeds := self._speeds()):
             do.move(model, control.fly, *speeds, min(passed, 0.1))
@@ -251,6 +236,8 @@ class Viewer:
 
     def _take(self, event: Event) -> None:
         self._live = 3
+        if isinstance(event, Key | Button) and event.down:
+            self.model.hint = 0.0
         taken = self._toolkit is not None and not isinstance(event, Drop) and self._toolkit.take(event, self.model)
         if not taken or self._mouse.pressed:
             self._mouse.take(event)
@@ -294,9 +281,7 @@ class Viewer:
         if drew and self.picture.drawn.moving:
             model.changed_at = now
         self._report()
-        messages: list[Message | Bar] = list(messages_of(model, now))
-        scale = self._comparison.scale(model)
-        messages += [] if scale is None or model.help else [Bar(scale)]
+        messages = self._over(now)
         live = bool(model.panel) and self._live > 0
         if not (drew or also or self._unshown or live or messages != self._messages or self.window.take_stale()):
             if self.picture.whole and self._comparison.whole(model) and not self._idle:
@@ -308,6 +293,15 @@ class Viewer:
         self._present()
         if drew:
             self._tell_frame()
+
+    def _over(self, now: float) -> list[Item]:
+        """What is shown over the picture: messages, the bar of colours, the mark of the picked point."""
+        model, scale = self.model, self._comparison.scale(self.model)
+        found: list[Item] = list(messages_of(model, now))
+        if model.help:
+            return found
+        place = None if model.pick is None else model.pick.place(model.state.shot().pose, model.area)
+        return [*([] if place is None else [Mark(*place)]), *found, *([] if scale is None else [Bar(scale)])]
 
     def _report(self) -> None:
         """Note in the model what was drawn."""
@@ -327,6 +321,8 @@ class Viewer:
         self._unshown, self._live = max(self._unshown - 1, 0), max(self._live - 1, 0)
         self._rest = 1e3 * (clock_time.perf_counter() - start)
         self._frames += 1
+        self._ends.append(clock_time.perf_counter())
+        self.model.rate = (len(self._ends) - 1) / max(self._ends[-1] - self._ends[0], 1e-3)
         self._tell_title()
         self.picture.pace.other(rest)
         self.model.frames.append((self.picture.drawn.milliseconds, rest, self.picture.drawn.compile))
@@ -334,27 +330,16 @@ class Viewer:
     def _tell_title(self) -> None:
         """Show the frame rate, or how far the picture is refined, in the title."""
         drawn, now = self.picture.drawn, clock_time.perf_counter()
-        self._ends.append(now)
-        seconds = self._ends[-1] - self._ends[0]
-        width, height = drawn.size
-        if self.picture.preview:
-            state = "preview, compiling"
-        elif drawn.whole:
-            state = f"complete, {drawn.samples} sample{'' if drawn.samples == 1 else 's'}"
-        elif not drawn.moving:
-            state = f"{100 * drawn.share:.0f} % of {drawn.wanted} sample{'' if drawn.wanted == 1 else 's'}"
-        else:
-            state = f"{(len(self._ends) - 1) / max(seconds, 1e-3):.0f} frames/s at {width}x{height}"
         if drawn.whole or now - self._titled > TITLED:
             self._titled = now
-            self.window.title(f"{_title(self.model.state.file)} - {state}")
+            self.window.title(f"{_title(self.model.state.file)} - {status(self.model)}")
 
     def _announce(self, text: str, kind: str = "busy", corner: str = "bottom left") -> None:
         """Show a message at once, before a long operation."""
         self._lay([*self._messages, Message(text, kind, corner)])
         self.window.swap()
 
-    def _lay(self, messages: list[Message | Bar]) -> None:
+    def _lay(self, messages: list[Item]) -> None:
         model, canvas = self.model, self.picture.canvas
         left, (width, height) = model.panel_width, model.area
         if canvas is not None:
@@ -395,8 +380,8 @@ class Viewer:
                     do.take_pick(model, self._pick(x, y), focus)
                 except RaymarchError as fault:
                     do.report(model, Fault.of(fault))
-            case SavePicture(file, time, pixels):
-                self._save(file, time, pixels or model.area)
+            case SavePicture(file, time, pixels, word):
+                self._save(file, time, pixels or model.area, word)
             case WriteFilm(folder, file, fps):
                 self._announce(f"writing {file}")
                 do.saved(model, file, filmed(folder, file, fps))
@@ -407,7 +392,7 @@ class Viewer:
             case Edit(file, line):
                 model.notice(editor.opened(file, line))
             case FullScreen():
-                self.window.toggle_full_screen()
+                model.full_screen = self.window.toggle_full_screen()
             case Interrupt():
                 self.reloader.interrupt()
             case Measure():
@@ -432,7 +417,7 @@ class Viewer:
         do.accept(model, show)
         self._live = 3
         self._report()
-        self._messages = list(messages_of(model, clock_time.perf_counter()))
+        self._messages = self._over(clock_time.perf_counter())
         if show.loaded is not None:
             self.window.title(_title(show.loaded.file))
         self._present()
@@ -464,11 +449,11 @@ class Viewer:
         texels = self.picture.probe(shot, size, column, row)
         origin, ray = view.ray(column + 0.5, row + 0.5, size)
         self._picks += 1
-        pick = picked(self._picks, (column, row), texels, origin, ray)
+        pick = picked(self._picks, (column, row), texels, origin, ray, model.state.named_material)
         self._inquiry.ask(pick, shot, values, origin, ray)
         return pick
 
-    def _save(self, file: Path, time: float, size: tuple[int, int]) -> None:
+    def _save(self, file: Path, time: float, size: tuple[int, int], word: str) -> None:
         """Save the complete picture at a time, as `raymarch render` would draw it with this camera."""
         state = self.model.state
         made = self.picture.at(size).render(state.scene, time, state.params, VIEWS[state.view], pose=state.pose())
@@ -478,7 +463,7 @@ class Viewer:
         except SceneError as fault:
             do.saved(self.model, file, fault)
             return
-        do.saved(self.model, file)
+        do.saved(self.model, file, word=word)
 
     def _measure(self) -> None:
         """Measure the mean evaluations per pixel from a picture of a quarter of the size."""
@@ -491,6 +476,8 @@ class Viewer:
         if self._panel is not None:
             remember(self.model.narrow, self.model.opened)
         self.reloader.stop()
+        if self._outside is not None:
+            self._outside.close()
         if self._toolkit is not None:
             self._toolkit.release()
         self._overlay.release()

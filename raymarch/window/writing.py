@@ -34,5 +34,5 @@ def write_values(model: Model) -> None:
         except (SceneError, OSError) as fault:
             model.notice(str(fault))
             return
-        model.notice(f"wrote {file.name}")
         model.say("wrote", file=str(file))
+    model.notice(f"wrote {', '.join(file.name for file in draft.files)}")

@@ -179,7 +179,7 @@ def test_keys_change_parameters() -> None:
     press(model, "right")  # none is selected
     assert not model.state.params
     press(model, "n", *["right"] * 5)
-    assert np.isclose(model.state.value("radius"), 1.15) and "> radius = 1.15" in text_of(model)
+    assert np.isclose(model.state.value("radius"), 1.15) and "> radius\t1.15   (0.5 to 2)" in text_of(model)
     press(model, "left", shift=True)
     assert np.isclose(model.state.value("radius"), 1.147)
     press(model, *["right"] * 99)

@@ -130,7 +130,7 @@ def written_into(model: Model, file: Path) -> tuple[bytes, str]:
     before = file.read_bytes()
     do.write_values(model)
     assert file.read_bytes() == before, "it was written without being shown"
-    words = [text for _, text in model.notices]
+    words = model.notice_text.splitlines()
     if model.draft is not None:
         words.append(model.draft.text())
         do.write_values(model)
@@ -205,7 +205,7 @@ def test_a_file_that_changed_meanwhile_is_not_written(tmp_path: Path) -> None:
     assert model.draft is not None
     file.write_text("other")
     do.write_values(model)
-    assert file.read_text() == "other" and "has changed meanwhile" in model.notices[-1][1]
+    assert file.read_text() == "other" and "has changed meanwhile" in model.notice_text
     do.write_values(model)
     do.escape(model)
     assert model.draft is None and file.read_text() == "other"
