@@ -84,16 +84,17 @@
   let places = [];
   const draw = () => {
     const width = Math.max(svg.clientWidth, 280), height = width < 520 ? 340 : 430;
-    const left = 58, right = width - 16, top = 26, bottom = height - 46;
+    const right = width - 16, top = 26, bottom = height - 46;
     svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
     svg.style.height = height + "px";
     const list = visible(), front = frontOf(list), onFront = new Set(front);
     const ex = errors[state.error], cx = costs[state.cost];
     const labels = [], crowded = width < 520;
+    const y = scale(list.map((p) => p.errors[state.error]), bottom, top, true);
+    const left = Math.max(58, 16 + 7 * Math.max(0, ...y.ticks.map((v) => tick(v).length)));  // beside the longest number
     const parts = [];
     if (list.length) {
       const x = scale(list.map((p) => p.costs[state.cost]), left, right, false);
-      const y = scale(list.map((p) => p.errors[state.error]), bottom, top, true);
       for (const v of x.ticks) parts.push(`<line class="grid" x1="${x.place(v)}" x2="${x.place(v)}" y1="${top}" y2="${bottom}"/>` +
         `<text text-anchor="middle" x="${x.place(v)}" y="${bottom + 17}">${tick(v)}</text>`);
       for (const v of y.ticks) parts.push(`<line class="grid" x1="${left}" x2="${right}" y1="${y.place(v)}" y2="${y.place(v)}"/>` +
@@ -149,7 +150,7 @@
       }
     } else { places = []; parts.push(`<text x="${left}" y="${top + 30}">No setting is left by the filters.</text>`); }
     const unit = (d) => (d.unit ? `, ${d.unit === "°" ? "degrees" : d.unit}` : "");
-    parts.push(`<text class="title" x="${left - 50}" y="13">↑ ${escape(ex.label + (crowded ? "" : unit(ex)))}</text>` +
+    parts.push(`<text class="title" x="8" y="13">↑ ${escape(ex.label + (crowded ? "" : unit(ex)))}</text>` +
       `<text class="title" text-anchor="end" x="${right}" y="${height - 8}">${escape(cx.label + unit(cx))} →</text>`);
     const had = svg.contains(document.activeElement);
     svg.innerHTML = parts.join("");
