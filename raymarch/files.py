@@ -89,6 +89,7 @@ EXTRAS = {
     "cluster": "distributed cryptography",
     "exr": "OpenEXR",
     "jupyter": "anywidget",
+    "live": "python-osc mido python-rtmidi",
     "mesh": "trimesh charset-normalizer rtree scipy",
     "report": "jinja2 matplotlib",
     "tiff": "tifffile",

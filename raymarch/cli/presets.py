@@ -15,8 +15,13 @@ Preset = Annotated[
 ]
 
 
-def with_preset(scene: Scene, preset: str | None) -> Scene:
-    """The scene with the quality of a preset; itself for None."""
+def check_preset(preset: str | None) -> None:
+    """CommandError for a name that no preset has."""
     if preset is not None and preset not in PRESETS:
         raise CommandError(f"--quality {preset}", legal=", ".join(PRESETS))
+
+
+def with_preset(scene: Scene, preset: str | None) -> Scene:
+    """The scene with the quality of a preset; itself for None."""
+    check_preset(preset)
     return scene if preset is None else scene.replace(quality=scene.quality.to_preset(preset))

@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from raymarch.cli.common import CommandError, SceneFile, Settings, errors, parse_settings, parse_size
+from raymarch.cli.presets import Preset, check_preset
 from raymarch.files import read_json, reading
 
 SLOW = 2.0
@@ -36,6 +37,7 @@ def run(
     size: Annotated[str, typer.Option(metavar="WxH", help="Width and height of the window.")] = "960x540",
     set_: Settings = None,
     time: Annotated[float | None, typer.Option(help="Value of `time` at the start, in seconds.")] = None,
+    quality: Preset = None,
     budget: Annotated[
         float, typer.Option(metavar="MS", help="Frame time while something moves, in milliseconds.")
     ] = 33.0,
@@ -47,6 +49,16 @@ def run(
     cost: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Measurements of raymarch cost --json: X goes from fast to exact by them."),
+    ] = None,
+    osc: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PORT", help="Set parameters by OSC messages: /NAME VALUE, by UDP. ADDRESS:PORT for others."
+        ),
+    ] = None,
+    midi: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Set parameters by the controllers of a MIDI input; 'virtual' makes one."),
     ] = None,
     demo_seconds: Annotated[
         float | None,
@@ -63,6 +75,7 @@ def run(
     if time is not None and not math.isfinite(time):
         raise CommandError(f"--time {time:g}", legal="a finite number of seconds")
     from raymarch.window.accuracy import MEASURED, Stop, measured_stops
+    from raymarch.window.outside import listening
     from raymarch.window.viewer import Viewer  # imports glfw: only when a window opens
 
     stops: tuple[Stop, ...] = ()
@@ -70,10 +83,15 @@ def run(
         measured = read_json("--cost", cost, MEASURED, CommandError)
         with reading("--cost", cost, MEASURED, CommandError):
             stops = measured_stops(measured)
-    with _said_if_slow(f"loading {scene} (Ctrl+C to stop)"):
-        params = parse_settings(set_ or [])
-        viewer = Viewer(scene, parse_size(size), params, budget, settings, log, samples, panel, stops, time)
-    code = viewer.run(demo_seconds)
+    check_preset(quality)
+    params, shape = parse_settings(set_ or []), parse_size(size)
+    outside = listening(osc, midi)
+    try:
+        with _said_if_slow(f"loading {scene} (Ctrl+C to stop)"):
+            viewer = Viewer(scene, shape, params, budget, settings, log, samples, panel, stops, time, outside, quality)
+        code = viewer.run(demo_seconds)
+    finally:
+        outside.close()
     if code == 2 and viewer.model.fault is not None:  # the message in the window is gone
         errors.print(f"raymarch: {viewer.model.fault.text()}")
     sys.exit(code)

@@ -14,7 +14,7 @@ FLAGS = {
     "--size": DRAWING,
     "--time": {*DRAWING, "export"},
     "--set": {*DRAWING, "export"},
-    "--quality": {"render", "explain", "export", "prove"},
+    "--quality": {"render", "view", "explain", "export", "prove"},
     "--samples": {"render", "view"},
     "--reference-samples": {"cost"},
     "--tolerance": {"prove", "export"},
@@ -25,7 +25,7 @@ FLAGS = {
 }
 """Flags, and the commands that have them."""
 
-ELSEWHERE = {"view": "the window chooses its own settings", "cost": "it compares settings"}
+ELSEWHERE = {"cost": "it compares settings"}
 """Commands that draw, without --quality, and why."""
 
 
