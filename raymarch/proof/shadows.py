@@ -155,10 +155,10 @@ def _verdicts(
     lit = lit[asked]
     doubtful = np.flatnonzero(free & ~lit)
     if len(doubtful):  # what is no deeper than the tolerance does not count above, and darkens a picture
-        start = LIFTS[0] * within[doubtful] / facing[asked[doubtful]]  # off the surface of the hit
-        thin = _thin(
-            operands, points[doubtful], light_at.direction[asked[doubtful]], start, end[doubtful], within[doubtful]
-        )
+        chosen, beside = asked[doubtful], within[doubtful]
+        start = LIFTS[0] * beside / facing[chosen]  # off the surface of the hit
+        last = np.maximum(light_at.distance[chosen] - 0.01 * beside, 0.0)  # a light on a surface is not blocked by it
+        thin = _thin(operands, points[doubtful], light_at.direction[chosen], start, last, beside)
         blocked[doubtful] |= thin == CONTRADICTED
         free[doubtful] &= thin == PROVED
     near = np.zeros(len(asked), bool)

@@ -15,7 +15,15 @@ from raymarch.proof import proof as module
 from raymarch.proof.search import CONTRADICTED, OPEN, PROVED
 from raymarch.proof.shadows import NOT_ASKED, lit_pixels
 
-SIZE = (48, 27)
+SIZE = (32, 18)
+
+
+@pytest.fixture(autouse=True)
+def no_search_for_wrong_facts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It takes seconds where a pixel is contradicted; tests/proof/test_facts.py tests it."""
+    monkeypatch.setattr(module, "wrong_facts", lambda *given, **options: ())
+
+
 CAMERA = rm.Camera((1.0, 1.5, 4.0), (0, 0.4, 0))
 SUN, LAMP = rm.Sun((-0.6, 1.0, -0.9), shadow=True), rm.PointLight((-1.0, 1.6, 1.0), shadow=True)
 
@@ -31,7 +39,7 @@ def test_a_sun_and_a_lamp() -> None:
     found = rm.prove(scene(*lights), size=SIZE, shadows=True)
     assert [(each.light, each.name) for each in found.shadows] == [(1, "PointLight"), (3, "Sun")]
     for each in found.shadows:
-        assert each.count(CONTRADICTED) == 0 and each.count(PROVED) > 0.97 * each.asked > 500
+        assert each.count(CONTRADICTED) == 0 and each.count(PROVED) > 0.97 * each.asked > 200
         assert np.all(each.state[~np.isfinite(found.depth)] == NOT_ASKED)
         assert str(each) in str(found)
     assert found.as_dict()["shadows"][1]["asked"] == found.shadows[1].asked
@@ -44,7 +52,7 @@ def shifted(lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 @pytest.mark.parametrize(
     ("fault", "least"),
-    [(np.ones_like, 30), (np.zeros_like, 500), (np.logical_not, 500), (shifted, 10)],
+    [(np.ones_like, 13), (np.zeros_like, 220), (np.logical_not, 220), (shifted, 10)],
     ids=["no shadow", "no light", "swapped", "moved by two pixels"],
 )
 def test_a_wrong_shadow_is_contradicted(monkeypatch: pytest.MonkeyPatch, fault: Any, least: int) -> None:
@@ -58,13 +66,13 @@ def test_a_shadow_of_another_solid(monkeypatch: pytest.MonkeyPatch) -> None:
     other = scene().replace(node=rm.sphere(0.5).translate((0, 0.5, 0)) | rm.plane())
     monkeypatch.setattr(module, "lit_pixels", lambda given, *more: lit_pixels(other, *more))
     (found,) = rm.prove(scene(), size=SIZE, shadows=True).shadows
-    assert found.count(CONTRADICTED) > 10
+    assert found.count(CONTRADICTED) > 5
 
 
 def test_what_is_hidden_from_shadow_rays_blocks_nothing() -> None:
     ball = rm.sphere(0.5).translate((0, 0.5, 0)).visible(shadow=False)
     (found,) = rm.prove(scene().replace(node=ball | rm.plane()), size=SIZE, shadows=True).shadows
-    assert found.count(CONTRADICTED) == found.count(OPEN) == 0 and found.asked > 500
+    assert found.count(CONTRADICTED) == found.count(OPEN) == 0 and found.asked > 200
 
 
 def test_a_thin_blocker_and_a_light_at_a_surface() -> None:
@@ -72,6 +80,7 @@ def test_a_thin_blocker_and_a_light_at_a_surface() -> None:
     plate = rm.box((0.6, 1e-4, 0.6)).translate((0, 0.5, 0)) | rm.plane()
     (found,) = rm.prove(scene().replace(node=plate), size=SIZE, shadows=True).shadows
     assert found.count(CONTRADICTED) == 0 and found.count(PROVED) > 0.95 * found.asked
+    # far rays pass the ball less deep than their tolerance, and nearer to the light
     touching = scene(rm.PointLight((0, 1.0, 0), shadow=True))
     (found,) = rm.prove(touching, size=SIZE, shadows=True).shadows
     assert found.count(CONTRADICTED) == 0
