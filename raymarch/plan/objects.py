@@ -84,7 +84,9 @@ def misread(scene: Scene) -> list[Doubt]:
         what = (
             f"{effect} reads an implicit surface as a distance, which it is to first order at the surface only: light"
         )
-        found.append(Doubt("plan", f"{what} is off by .05 on average, and by up to .7", DISTANT, where=implicit.where))
+        found.append(
+            Doubt("plan", f"{what} is off by .05 to .2 on average, and by up to .9", DISTANT, where=implicit.where)
+        )
     least = least_slope(scene.node)
     if least == 1.0:
         return found
