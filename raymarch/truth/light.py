@@ -349,7 +349,10 @@ class _Cones:
                 ahead = np.maximum(1.98 * chord / np.maximum(cosine - slope[k], 0.01), -slope[k] * d)
                 alone, z[k] = chord / cosine, np.minimum(ahead, stop[k] - s)
             else:
-                z[k] = alone = 0.5 * d / self.divisor
+                alone = (
+                    np.maximum(0.5 * d, (d - (1.0 if deep else least[k]) * radius) / (1.0 + width[k])) / self.divisor
+                )
+                z[k] = alone
             left[k] = s + alone < stop[k]
         return np.where(met, -np.minimum(depth, 1.0), least), (first, last)
 

@@ -4,7 +4,8 @@
 // Steps are accelerated as those of hard shadows: the next sphere is expected to meet this one, by the slope of the
 // field. The part of the cone that is still in question is free between two spheres if their chords of its side meet. A
 // step for which they do not is undone, and replaced by one that this sphere proves alone. So the clearance is known to
-// 1/16. Fields without proof of their spheres take half of the distance.
+// 1/16. Fields without proof of their spheres take half of the distance, or as long a step as holds nothing that would
+// count, by the steepest slope of the field.
 // A ray that runs out of steps is extrapolated to its end. `range` becomes the part in which anything may reach into
 // the cone.
 float clearance(Ray ray, inout vec2 range, float near, float width, bool deep) {
@@ -77,7 +78,11 @@ float clearance(Ray ray, inout vec2 range, float near, float width, bool deep) {
         z = min(max(1.98 * proven / max(cosine - slope, 0.01), -slope * r), end - t);
 #else
 #ifdef UNDIVIDED
+#ifdef ESTIMATE
         z = safe_step(0.5 * divided(r), t);
+#else
+        z = safe_step(max(0.5 * divided(r), divided(r - (deep ? radius : least * radius)) / (1.0 + width)), t);
+#endif
 #else
         z = safe_step(0.5 * r, t);
 #endif
