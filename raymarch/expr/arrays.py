@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from raymarch.expr import hashing, raw, samples, tables, textures
 from raymarch.expr.evaluate import Program, Rule, Step
 from raymarch.expr.function import Function, Loop
-from raymarch.expr.node import Expr
+from raymarch.expr.node import Expr, called_by_expressions
 from raymarch.expr.types import BOOL, FLOAT, Type
+from raymarch.expr.walk import find, free_variables
 
 Array: TypeAlias = Any
 """A NumPy array of any shape and precision."""
@@ -287,6 +288,14 @@ class Remembered(Generic[Result]):
             self._known[now] = result
             return result
         return self._known[now]
+
+
+@called_by_expressions
+def number_of(node: Expr) -> float | None:
+    """The number of an expression of constants alone, such as a noise of a point; None for any other."""
+    if free_variables([node]) or find([node], "param", "time", "raw", "raw_slope"):
+        return None
+    return float(value_of(node))
 
 
 def value_of(node: Expr) -> Array:

@@ -117,8 +117,18 @@ def optional(convert: Callable[..., T], what: str, value: Any, *more: Any) -> T 
     return None if value is None else convert(what, value, *more)
 
 
+def refuse_masked(what: str, value: Any) -> None:
+    """SceneError for a masked array with masked values, which would count as numbers."""
+    if not isinstance(value, np.ndarray) or type(value) is np.ndarray:
+        return
+    if np.any(getattr(value, "mask", False)):
+        lost = int(np.count_nonzero(value.mask))  # type: ignore[attr-defined]
+        raise SceneError(f"{what} is a masked array with {lost} masked values", legal="array.filled(number)")
+
+
 def numbers(what: str, value: Any, legal: str) -> NDArray[np.float64]:
     """Convert to a float64 array of any shape. NaN and infinity are allowed."""
+    refuse_masked(what, value)
     try:
         array = np.asarray(value)
         if array.dtype.kind in "biuf" or (array.dtype.kind == "O" and array.ndim and _holds_integers(array)):

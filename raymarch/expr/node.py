@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import Location, SceneError
-from raymarch.expr.convert import short
+from raymarch.expr.convert import refuse_masked, short
 from raymarch.expr.types import BOOL, FLOAT, MATRICES, STATE, Type, vector
 
 _HERE = dirname(abspath(__file__)) + sep
@@ -106,8 +106,24 @@ class Expr:
     def __float__(self) -> float:
         if self.op == "const" and self.type is FLOAT:
             return float(self.data)
+        if self.type is FLOAT and (number := CALLED["number_of"](self)) is not None:
+            return float(number)
         what = f"an expression ({self.op}: {self.type}) has no numeric value: it is computed for each frame or point"
         raise SceneError(what, legal="rm.sin in place of math.sin, and likewise for other functions")
+
+    def __index__(self) -> int:
+        if self.op == "const" and self.type is FLOAT and float(self.data).is_integer():
+            return int(self.data)
+        what = f"an expression ({self.op}: {self.type}) counts nothing while the scene is being built, as in range(...)"
+        raise SceneError(what, legal="an integer of Python; node.repeat(spacing, count=...) takes a Param as count")
+
+    def __format__(self, spec: str) -> str:
+        if not spec:
+            return str(self)
+        if self.op == "const" and self.type is FLOAT:
+            return format(float(self.data), spec)
+        what = f"an expression ({self.op}: {self.type}) has no digits to format as {spec!r}: its value is not known yet"
+        raise SceneError(what, legal=f"a number of Python, or f'{{...}}' without {spec!r} for its text")
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> Any:
         """NumPy's universal functions, such as `np.sin(expr)` and `array * expr`."""
@@ -271,7 +287,8 @@ def expr(value: Operand) -> Expr:
         return construct(*value)
     if isinstance(value, str):
         return const(CALLED["linear_color"]("the colour", value))
-    if isinstance(value, int | tuple | list | np.ndarray | np.generic):
+    if isinstance(value, int | tuple | list | np.ndarray | np.generic) or hasattr(type(value), "__array__"):
+        refuse_masked("a value", value)
         array = _numeric(value)
         if array is not None:
             return const(array)

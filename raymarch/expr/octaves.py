@@ -11,6 +11,7 @@ import numpy as np
 
 from raymarch.errors import SceneError
 from raymarch.expr import vocabulary as v
+from raymarch.expr.arrays import evaluator
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import choice, integer, real
 from raymarch.expr.function import Function, sum_of
@@ -23,8 +24,8 @@ from raymarch.expr.lattice import (
     lattice_noise,
     lattice_noise_in_time,
 )
-from raymarch.expr.node import Expr, Operand, const, expr
-from raymarch.expr.types import VEC2, VEC3, VECTORS
+from raymarch.expr.node import Expr, Operand, const, expr, var
+from raymarch.expr.types import VEC2, VEC3, VECTORS, vector
 
 F = TypeVar("F", bound=Callable[..., Expr])
 
@@ -63,6 +64,10 @@ def _moved(q: Expr, seed: int, octave: int = 0) -> Expr:
 def _noise(
     name: str, pair: tuple[Function, Function], p: Operand, seed: Any, period: Any, octave: int = 0, factor: float = 1.0
 ) -> Expr:
+    if isinstance(p, np.ndarray) and p.ndim == 2 and p.shape[1] in (2, 3, 4):
+        at = var("p", vector(p.shape[1]))
+        found = evaluator([_noise(name, pair, at, seed, period, octave, factor)], [at])(np.asarray(p, np.float64))
+        return np.asarray(found[0])  # type: ignore[return-value]  # as NumPy's functions: an array of an array
     q, w = _point(name, p)
     number = integer(f"{name}: seed", seed, -(2**31), 2**31 - 1)
     turns = integer(f"{name}: period", period, 0, 65535)
@@ -80,7 +85,7 @@ def value_noise(p: Operand, seed: int = 0, period: int = 0) -> Expr:
     Parameters
     ----------
     p : a vec3, a vec2 for the plane z = 0, or a vec4 with time as the fourth coordinate. `value_noise(p * 4)` has
-        features a quarter as wide.
+        features a quarter as wide. An array (N, 2) to (N, 4) of NumPy gives an array (N,), in float64.
     seed : an integer; each gives other noise.
     period : the noise of a vec4 repeats in the fourth coordinate after so many units; 0 for never.
 

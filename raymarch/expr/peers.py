@@ -129,6 +129,10 @@ FUNCTIONS = _keys(
 
 METHODS = _keys(
     {
+        "raycast castray": "rm.raycast(node, origins, directions), a function",
+        "loft": "extrude_to(other, height), of a flat shape",
+        "hull convexhull": "offset(distance) for the sum with a ball; there is no convex hull",
+        "implicit": "rm.implicit(function, bounds), a function",
         "move moved shift at place": "translate((x, y, z))",
         "rotatex": 'rotate(angle, "x")',
         "rotatey": 'rotate(angle, "y")',

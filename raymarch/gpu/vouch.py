@@ -174,6 +174,22 @@ def clipped(white: NDArray[np.bool_], color: NDArray[Any], material: NDArray[Any
     return Doubt("picture", f"{share:.0%} of the picture is clipped to white surfaces, whose light is above 1", cure)
 
 
+DARK, MOSTLY = 2e-3, 0.5
+"""Light that a picture shows as almost black, and the share of its pixels above which that is doubted."""
+
+
+def dark(color: NDArray[Any], scene: Scene) -> Doubt | None:
+    """The doubt of a picture that is mostly black; None if it is not, or if its sky is black."""
+    share = float(np.mean(np.max(color, axis=-1) < DARK))
+    sky = scene.sky.radiance
+    if share <= MOSTLY or (share < 1.0 and sky.is_constant and not np.any(sky.data)):
+        return None
+    what = f"{share:.0%} of the picture is black: "
+    if not scene.lights and not scene.sky.light:
+        return Doubt("picture", what + "the scene has no light", "lights=[Sun()], or Sky(..., light=True)")
+    return Doubt("picture", what + "the lights are too weak, too far or hidden", "a higher intensity, or another place")
+
+
 def is_sky(color: NDArray[Any], scene: Scene, pose: Pose, values: Values) -> bool:
     """True if a grid of up to 48 x 48 pixels matches the sky, so that the picture may show nothing else."""
     height, width = color.shape[:2]

@@ -15,7 +15,7 @@ from raymarch.errors import Doubt
 from raymarch.expr.node import Expr
 from raymarch.plan.shading import dims_ambient_light
 from raymarch.scene.fields import SMOOTH
-from raymarch.scene.light import Light, PointLight, SphereLight, has_area, has_disc
+from raymarch.scene.light import Light, PointLight, SphereLight, Sun, has_area, has_disc
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import is_zero
 from raymarch.scene.scene import Scene
@@ -47,6 +47,22 @@ def _bounces(scene: Scene) -> Iterator[Doubt]:
         for m in scene.materials:
             if m.frosted:
                 yield _doubt("Quality(integrator='whitted') draws rough glass clear", "integrator='path'", m)
+
+
+def _glass(scene: Scene) -> Iterator[Doubt]:
+    labels = seen_labels(scene.node)
+    if scene.sky.constant and labels and all(label is not None and label.transmits for label in labels):
+        yield _doubt("glass shows what is behind it, and behind it is a sky of one colour", "GradientSky(), or a floor")
+
+
+def _floor(scene: Scene) -> Iterator[Doubt]:
+    parts = scene.node.children if scene.node.name == "union" else ()
+    floor = any(part.facts.upper[1] < np.inf and not np.isfinite(part.facts.lower).any() for part in parts)
+    for light in scene.lights:
+        if floor and isinstance(light, Sun) and light.sun_direction.is_constant and light.sun_direction.data[1] < 0.0:
+            y = float(light.sun_direction.data[1])
+            what = f"Sun(sun_direction=...) shines from below the floor: its y is {y:.3g}; it points towards the sun"
+            yield _doubt(what, "y > 0", light)
 
 
 def _ambient(scene: Scene) -> Iterator[Doubt]:
@@ -172,6 +188,8 @@ RULES: tuple[Callable[[Scene], Iterator[Doubt]], ...] = (
     _fog,
     _materials,
     _inside_glass,
+    _glass,
+    _floor,
 )
 """The rules, by the parts of a scene."""
 

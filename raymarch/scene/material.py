@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.errors import SceneError
+from raymarch.errors import SceneError, warn
 from raymarch.expr.convert import plain, short
 from raymarch.expr.node import Expr, Operand, expr
 from raymarch.expr.types import vector
@@ -194,6 +194,9 @@ class Material(Value):
             n: _unset(n, unset[n]) if n in unset else material_value(n, given[n], of.size, of.low, of.high)
             for n, of in _VALUES.items()
         }
+        if emission is not None and made["emission"].is_constant and np.max(made["emission"].data) == 255.0:
+            what = f"Material: emission = {short(emission)}: the light of 255 white surfaces"
+            warn(f"{what} (for a colour from 0 to 255, divide it by 255)")
         made["color"] = material_value(name, (0.8, 0.8, 0.8) if base is None else base, 3, 0.0, 1.0)
         if is_physical and physical["roughness"] is None:  # glass is smooth by default, other materials are not
             made["roughness"] = expr(0.5 if is_zero(made["transmission"]) else 0.0)

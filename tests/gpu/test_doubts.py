@@ -174,7 +174,7 @@ def test_a_direction_that_is_0_by_default_is_refused():
 
 def glass(samples: int = 1, **parts):
     ball = rm.sphere().material(rm.Material(transmission=1))
-    return rm.Scene(ball, rm.Camera((0, 0, 4)), [], quality=rm.Quality(samples=samples), **parts)
+    return rm.Scene(ball, rm.Camera((0, 0, 4)), [], rm.GradientSky(), quality=rm.Quality(samples=samples), **parts)
 
 
 def test_glass_of_one_path_a_pixel_is_noise(context):
@@ -240,12 +240,13 @@ def test_a_floor_that_is_clipped_to_white(context):
         for scene in (
             lit_floor(1.1),
             lit_floor(4, (0.8, 0.2, 0.1)),
-            lit_floor(0).replace(lights=[]),
             lit_floor(0, emission=(5, 5, 5)),
             lit_floor(4).replace(tone=rm.ToneMapping("aces", exposure=-1.5)),
             lit_floor(4).replace(tone=rm.ToneMapping(exposure=-1.9)),
         ):
             assert not renderer.render(scene).doubts()
+        (black,) = renderer.render(lit_floor(0).replace(lights=[])).doubts()
+        assert "of the picture is black: the scene has no light" in black
 
 
 @pytest.mark.parametrize(("away", "doubtful"), [(1e3, False), (1e6, True)])
