@@ -8,6 +8,7 @@ from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from raymarch.cli.common import errors
+from raymarch.gpu.progress import time_left
 
 QUIET = 10.0
 """Seconds between two lines of progress in a log."""
@@ -15,13 +16,15 @@ QUIET = 10.0
 
 def logged() -> Callable[[str, float], None]:
     """A function that prints a step and the share that is done, but at most one line every `QUIET` seconds."""
-    last = clock_time.perf_counter()
+    start = last = clock_time.perf_counter()
 
     def tell(what: str, share: float) -> None:
         nonlocal last
         if clock_time.perf_counter() - last >= QUIET:
             last = clock_time.perf_counter()
-            errors.print(f"{100 * share:3.0f} %  {what}", markup=False, highlight=False)
+            left = time_left(last - start, share)
+            words = f"{100 * share:3.0f} %  {what}{left and ', '}{left}"
+            errors.print(words, markup=False, highlight=False)
 
     return tell
 
@@ -49,9 +52,9 @@ def bar(what: str, total: float) -> Iterator[Callable[[float], None]]:
             slow = clock_time.perf_counter() - start > 1.0 and done < total
             if update is None and slow and errors.is_interactive:
                 columns = ("{task.description}", "BarColumn", "{task.percentage:>3.0f}%", "{task.elapsed:.0f} s")
-                update = stack.enter_context(_shown(total, *columns, description=what))
+                update = stack.enter_context(_shown(total, *columns, "{task.fields[left]}", description=what, left=""))
             if update is not None:
-                update(completed=done)
+                update(completed=done, left=time_left(clock_time.perf_counter() - start, done / total))
             elif not errors.is_interactive:
                 log(what, done / total)
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import product
+from time import process_time
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
@@ -30,6 +33,8 @@ from raymarch.shader.assemble import assemble_effect
 
 TEXEL = 16
 """Bytes of a texel: four 32-bit floats."""
+REPEATS = 3
+"""Pictures of which `dearest` takes the median time."""
 COUNTER = "field_evaluations_"
 """A global of the counting shader."""
 
@@ -226,6 +231,64 @@ def counting_text(text: str) -> str:
     end = len(lines) - 1 - lines[::-1].index("}")
     lines.insert(end, f"    out_color = vec4(vec3({COUNTER}), 1.0);")
     return "\n".join(lines) + "\n"
+
+
+DEAREST = 3
+"""Number of effects that `dearest` returns."""
+SMALL = 160 * 90
+"""Pixels of the pictures by which `dearest` measures, at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Saving:
+    """What a picture saves without an effect: shares of its evaluations, and of its CPU time or, on a GPU, its time."""
+
+    name: str
+    evaluations: float
+    time: float
+    kind: str
+
+    @property
+    def words(self) -> str:
+        """As a sentence's part."""
+        return f"{self.name}: {self.evaluations:.0%} of the evaluations, {self.time:.0%} of the {self.kind}"
+
+
+def dearest(
+    scene: Scene,
+    size: tuple[int, int],
+    time: float = 0.0,
+    params: Mapping[str, Any] | None = None,
+    backend: str = "auto",
+    device: int | None = None,
+) -> list[Saving]:
+    """The dearest effects of a scene and what leaving out each would save, measured in small pictures.
+
+    The most expensive come first. Effects are those of `ablations`; the list is empty for a scene without any.
+    Evaluations include those of all rays of a pixel.
+    """
+    scale = min(1.0, (SMALL / (size[0] * size[1])) ** 0.5)
+    small = max(1, round(size[0] * scale)), max(1, round(size[1] * scale))
+    variants = [("", scene), *ablations(scene)]
+    with Renderer(small, backend, device) as renderer:
+        renderer.kept = max(renderer.kept, 4 * len(variants))
+        software = renderer.context.driver.is_software
+        counts, times = [], np.zeros((len(variants), REPEATS))
+        for _, made in variants:
+            counts.append(evaluations_of(made, renderer, time, params) * made.quality.samples)
+            renderer.render(made, time, params).array("color")
+        for turn, (k, (_, made)) in product(range(REPEATS), enumerate(variants)):
+            start = process_time()
+            frame = renderer.render(made, time, params)
+            frame.array("color")
+            times[k, turn] = 1e3 * (process_time() - start) if software else frame.milliseconds
+    spent = np.median(times, axis=1)
+    kind = "CPU time" if software else "time"
+    found = [
+        Saving(name, 1.0 - count / max(counts[0], 1e-9), 1.0 - float(took / max(spent[0], 1e-9)), kind)
+        for (name, _), count, took in zip(variants[1:], counts[1:], spent[1:], strict=True)
+    ]
+    return sorted(found, key=lambda saving: -saving.time)[:DEAREST]
 
 
 def table(effects: list[Effect], name: str) -> Table:

@@ -242,7 +242,7 @@ def test_a_log_gets_lines_of_progress(monkeypatch: pytest.MonkeyPatch, capsys: p
         for second in range(25):
             now[0] = float(second)
             tell(second / 10)
-    assert capsys.readouterr().err.splitlines() == [" 25 %  exporting", " 50 %  exporting"]
+    assert capsys.readouterr().err.splitlines() == [" 25 %  exporting, 30 s left", " 50 %  exporting, 20 s left"]
 
 
 def test_the_package_works_from_a_zip_archive(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 import raymarch as rm
 from raymarch.cli import main
-from raymarch.cost.effects import ablate, ablations, counting_text, evaluations_of
+from raymarch.cost.effects import ablate, ablations, counting_text, dearest, evaluations_of
 from raymarch.errors import CostError
 
 SIZE = (48, 27)
@@ -80,6 +80,16 @@ def test_without_maps_each_picture_is_its_mean(renderer):
     assert not plain.relief
     evened = scene(rm.Material(albedo=tuple(picture.mean((0, 1)))))
     np.testing.assert_allclose(renderer.render(bare).color, renderer.render(evened).color, atol=1e-3)
+
+
+def test_the_dearest_effects_save_what_they_cost():
+    """By evaluations, which are exact: rays per pixel share evenly, and a shadow costs rays of its own."""
+    scene = rm.Scene(rm.gyroid() & rm.sphere(), lights=[rm.Sun(shadow=True)], quality=rm.Quality(samples=4))
+    found = {saving.name: saving for saving in dearest(scene, (16, 9))}
+    assert found["anti-aliasing"].evaluations == 0.75
+    assert 0.1 < found["shadow of lights"].evaluations < 1.0
+    assert "% of the evaluations" in found["anti-aliasing"].words
+    assert dearest(rm.Scene(rm.sphere()), (16, 9)) == []
 
 
 def test_a_plain_scene_has_no_effects(renderer):
