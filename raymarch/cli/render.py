@@ -52,6 +52,7 @@ from raymarch.scene.file import load
 from raymarch.scene.parameter import set_values
 from raymarch.scene.quality import PRESETS, Quality
 from raymarch.scene.scene import Scene
+from raymarch.scene.studio import staged
 
 
 def run(
@@ -98,6 +99,12 @@ def run(
     strict: Annotated[
         bool,
         typer.Option("--strict", help="If a picture may be wrong, write no file and exit with code 2 and the reason."),
+    ] = False,
+    explain_time: Annotated[
+        bool,
+        typer.Option(
+            "--explain-time", help="First print the three dearest effects, and what each would save, measured small."
+        ),
     ] = False,
     layers: Annotated[
         bool, typer.Option("--layers", help=".exr: also write depth, normals and the other arrays, as named layers.")
@@ -148,6 +155,7 @@ def run(
     if cluster is None and given:
         raise CommandError(f"{given[0]} without --cluster", legal="--cluster tcp://HOST:PORT or local:N")
     source, found = (None, load(scene)) if cluster is None else of_file(scene)  # read once: it may be a pipe
+    found = staged(found)
     if samples is not None:  # before a quality is chosen by measurement
         found = found.replace(quality=found.quality.replace(samples=samples))
     params, sweep = parse_sweeps(set_ or [])
@@ -168,6 +176,8 @@ def run(
         raise CommandError(f"--view {view} with all arrays", legal="no --view")
     film = suffix in FILMS
     shot = Shot((width, height), ".png" if film else suffix, params, view, outputs, alpha, layers, strict)
+    if explain_time:
+        explain_times(found, (width, height), items[0].time, params, backend, device)
     if cluster is not None and source is not None:
         from raymarch.cli.on_cluster import Where, render_on_cluster  # Dask takes tenths of a second to import
         from raymarch.cluster.submit import TIMEOUT, Options
@@ -244,6 +254,19 @@ def run(
             _report_joined(target, f"{len(items)} frames, {len(items) / fps:g} s", drawn_at, parts)
         elif parts is not None:
             join(target, parts.all(items), fps, (width, height), key, parts)
+
+
+def explain_times(
+    scene: Scene, size: tuple[int, int], time: float, params: Mapping[str, Any], backend: str, device: int | None
+) -> None:
+    """Print the dearest effects of a scene and what each would save."""
+    from raymarch.cost.effects import dearest  # only this option measures
+
+    found = dearest(scene, size, time, params, backend, device)
+    if not found:
+        errors.print("no effect to leave out: the time is that of the solid; `raymarch explain` shows its plan")
+    for saving in found:
+        errors.print(f"without {saving.words} less", markup=False, highlight=False)
 
 
 def _save(file: Path, writer: Callable[[Path], None], tell_end: Callable[[], None]) -> None:

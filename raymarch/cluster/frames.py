@@ -33,6 +33,7 @@ from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.views import VIEWS
 from raymarch.scene.parameter import ParamValue
 from raymarch.scene.scene import Scene, check_scene
+from raymarch.scene.studio import staged
 
 T = TypeVar("T")
 
@@ -229,12 +230,13 @@ def render_frames(
     with Parts(items, target) if suffix in FILMS else nullcontext() as parts:
         outcomes: Iterable[tuple[Item, Outcome]]
         if client is None:
-            made = scene if isinstance(scene, Scene) else of_file(scene)[1]
+            made = scene if isinstance(scene, Scene) else staged(of_file(scene)[1])
             outcomes = _draw_here(made, shot, items, backend, device, parts)
         else:
             distributed = import_optional("render_frames with a client", "distributed", "cluster", ClusterError)
             instance("render_frames: client", client, distributed.Client, "a distributed.Client, or None")
             source, made = (of_scene(scene), scene) if isinstance(scene, Scene) else of_file(scene)
+            made = staged(made)
             split = integer("render_frames: split_samples", split_samples, 1, 4096)
             timeout = real("render_frames: task_timeout", task_timeout, 1.0, 1e9, "seconds >= 1")
             together = optional(integer, "render_frames: batch", batch, 1, 10**6)

@@ -27,6 +27,7 @@ from raymarch.export.stills import Shot, draw, key_of, save, view_encoder
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
+from raymarch.scene.studio import staged
 
 SCENES = 4
 """Number of scenes that a worker keeps."""
@@ -114,7 +115,7 @@ class _State:
     def scene(self, source: Source, quality: Quality) -> Scene:
         key = source.digest, repr(quality)
         if key not in self.scenes:
-            self.scenes[key] = source.scene().replace(quality=quality)
+            self.scenes[key] = staged(source.scene()).replace(quality=quality)
             while len(self.scenes) > SCENES:
                 self.scenes.popitem(last=False)
         self.scenes.move_to_end(key)

@@ -28,6 +28,7 @@ from raymarch.gpu.part import PicturePart
 from raymarch.gpu.prepare import Prepared, Wanted, frame_uniforms, name_of
 from raymarch.gpu.prepared_scenes import PreparedScenes
 from raymarch.gpu.program import Program, in_pass
+from raymarch.gpu.progress import told
 from raymarch.gpu.resource_cache import ResourceCache
 from raymarch.gpu.tiles import WHOLE, Edge, draw_in_tiles
 from raymarch.gpu.unread import Unread, unread_of
@@ -38,6 +39,7 @@ from raymarch.scene.post import PostEffect
 from raymarch.scene.quality import MOST_SAMPLES, SINGLE_PASS, Quality
 from raymarch.scene.scene import Scene, as_scene
 from raymarch.scene.sky import Sky
+from raymarch.scene.studio import staged
 from raymarch.sdf.node import Node
 
 Progress = Callable[[float], None]
@@ -297,6 +299,7 @@ class Renderer:
         white = vouch.overexposed(frame.color, scene) if above > vouch.OVEREXPOSED * pixels else None
         if white is not None:
             found.append(vouch.clipped(white, frame.color, frame.material, scene))
+        found.append(vouch.dark(frame.color, scene))
         known = None if steps is False else frame.drawn("done")
         if steps and known is None:
             known = self._sparse(scene, values, pose)
@@ -559,12 +562,16 @@ def render(
 ) -> Image.Image:
     """Render a picture of a scene, or of a solid, as 8-bit sRGB; with `alpha`, as RGBA with a transparent sky.
 
+    A solid alone is shown in a studio: on a ground, under a soft sun and a lit sky, in clay if no part of it has a
+    material, with 4 rays per pixel. A solid without end is cut by a cube, with a SceneWarning, if a camera sees it from
+    inside only. `Renderer.render`, `truth` and `raymarch cost` show it without the studio; `Scene(node)` has none.
+
     For many frames use one `Renderer`, which compiles once. Each of `Frame.doubts` is emitted as a RenderWarning, also
     too many rays that run out of steps.
 
     Parameters
     ----------
-    scene : a Scene, or a solid, which is put into a default one.
+    scene : a Scene, or a solid.
     size : (width, height) in pixels.
     time : value of `rm.time` in seconds.
     params : values of parameters by name.
@@ -590,13 +597,14 @@ def render(
     >>> rm.render(rm.sphere(1), size=(64, 36)).size
     (64, 36)
     """
-    scene = as_scene("render", scene)
+    scene = staged(as_scene("render", scene))
     if quality is not None:
         scene = scene.replace(quality=quality)
     if samples is not None:
         scene = scene.replace(quality=scene.quality.replace(samples=samples))
     with Renderer(size, backend, strict=strict) as renderer:
-        frame = renderer.render(scene, time, params)
+        with told() as progress:
+            frame = renderer.render(scene, time, params, progress=progress)
         if not strict:
             warn_of_doubts(doubt for doubt in frame.doubts(steps=True) if doubt not in frame.warnings)
         image = frame.image(alpha)

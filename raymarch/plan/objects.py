@@ -24,6 +24,7 @@ from raymarch.plan.bounding import nearer, value_and_gradient
 from raymarch.plan.cells import PAIRS, Cells, build
 from raymarch.scene.light import Light
 from raymarch.scene.scene import Scene, all_nodes
+from raymarch.scene.studio import in_studio
 from raymarch.sdf.advance import is_implicit
 from raymarch.sdf.blends import FAMILIES
 from raymarch.sdf.facts import FARTHEST
@@ -70,6 +71,8 @@ DISTANT = "Quality(integrator='path') or penumbra='sampled' does not read distan
 
 def misread(scene: Scene) -> list[Doubt]:
     """Doubts about effects that read the field as a distance, where it is shorter or falls to 0 without a surface."""
+    if in_studio(scene):
+        return []
     effect = "AmbientOcclusion" if scene.occlusion is not None else ""
     if any(map(reads_field, scene.lights)):
         effect = effect or "a penumbra"

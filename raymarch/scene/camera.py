@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache
-from itertools import product
 from typing import Any, ClassVar, Final, Self, TypeAlias
 
 import numpy as np
@@ -20,6 +19,7 @@ from raymarch.expr.convert import choice, instance, optional, real, short
 from raymarch.expr.degrees import suspect_radians
 from raymarch.expr.node import Expr, Operand, expr, var
 from raymarch.expr.types import FLOAT, VEC3
+from raymarch.scene.framing import CUBE, VIEW, Framed, corners
 from raymarch.scene.parameter import Values, as_number, as_vec3, is_zero
 from raymarch.scene.value import Part, value
 from raymarch.sdf.booleans import balanced
@@ -27,14 +27,12 @@ from raymarch.sdf.domain import Scalar, Vec3Like
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.node import Node
 
-VIEW = np.array([0.5, 0.45, 1.0])
-"""The direction from the target to a camera without a `position`."""
-
 MARGIN = 1.1
-"""The picture of a camera that frames a solid is larger than its box by this factor."""
+"""The picture of a camera that frames a solid is larger than what it frames by this factor."""
 
 
 Corners: TypeAlias = Sequence[tuple[Expr, ...]]
+"""Points from the target: to the right, upwards and towards the camera."""
 
 PROJECTIONS: Final = ("perspective", "orthographic")
 
@@ -277,7 +275,8 @@ class Camera(Part):
         lower, upper = framed_box(solid.facts)
         target = (lower + upper) / 2
         made = cls(tuple(target + away), tuple(target), tuple(upward), fov, projection)  # refuses a degenerate camera
-        pose = made.replace(position=None, view_from=tuple(away)).pose(Values({}), solid.facts, proportion, factor)
+        box = Framed(corners(lower, upper))
+        pose = made.replace(position=None, view_from=tuple(away)).pose(Values({}), box, proportion, factor)
         height = None if pose.half_height is None else 2.0 * pose.half_height
         return made.replace(position=tuple(pose.position.tolist()), height=height)
 
@@ -285,6 +284,11 @@ class Camera(Part):
     def orthographic(self) -> bool:
         """True if all rays are parallel."""
         return self.projection == "orthographic"
+
+    @property
+    def automatic(self) -> bool:
+        """True if neither place nor direction is given."""
+        return self.position is None and self.target is None and self.view_from is None and not self.orthographic
 
     @property
     def cuts(self) -> bool:
@@ -327,31 +331,33 @@ class Camera(Part):
         """The seconds for which the shutter is open in a frame."""
         return self._number("shutter", values)
 
-    def pose(self, values: Values, subject: Facts | None, aspect: float = 1.0, margin: float = MARGIN) -> Pose:
+    def pose(self, values: Values, framed: Framed | None, aspect: float = 1.0, margin: float = MARGIN) -> Pose:
         """The camera of one frame.
 
-        subject : the box that the camera frames if position or target is not given.
-        aspect : width over height of the picture. A camera without a position stands so far away that the corners of
-            the box are in the picture. margin : size of the picture over that of the box.
+        framed : what the camera frames if position or target is not given.
+        aspect : width over height of the picture. A camera without a position stands so far away that the points are in
+            the picture. margin : size of the picture over that of the points.
         """
         tan_half_fov = self._tan_half_fov(values)
-        lower, upper = framed_box(subject)
-        target = (lower + upper) / 2 if self.target is None else values.of(self.target)
+        shown = Framed(CUBE) if framed is None else framed
+        target = shown.middle if self.target is None else values.of(self.target)
         up = values.of(self.up)
-        given = None if self.position is None else values.of(self.position)
+        given = shown.position if self.position is None and self.automatic else None
+        given = given if self.position is None else values.of(self.position)
         away = given - target if given is not None else VIEW if self.view_from is None else values.of(self.view_from)
         self._refuse_degenerate(target + away if given is None else given, target, up)
         distance, extent = 0.0, 0.0
         if given is None or self.orthographic:
-            distance, extent = map(float, _framing()(lower, upper, target, away, up, tan_half_fov, aspect, margin))
+            found = _framing()(shown.points - target, away, up, tan_half_fov, aspect, margin)
+            distance, extent = (float(np.max(each)) for each in found)
         half = None
         if self.orthographic:
             half = extent if self.height is None else self._number("height", values) / 2
-            distance = before_box(float(np.linalg.norm(upper - lower)), half)
+            distance = before_points(shown.diameter, half)
         position = target + away * (distance / np.linalg.norm(away)) if given is None else given
         self._refuse_degenerate(position, target, up)
-        found = look_at(position, target, up, tan_half_fov if half is None else 0.0)
-        return replace(found, half_height=half, **self.optics(values, float(np.linalg.norm(target - position))))
+        placed = look_at(position, target, up, tan_half_fov if half is None else 0.0)
+        return replace(placed, half_height=half, **self.optics(values, float(np.linalg.norm(target - position))))
 
     def optics(self, values: Values, distance: float) -> dict[str, Any]:
         """The fields of a pose that neither its place nor its projection determine. distance : of the target."""
@@ -382,47 +388,60 @@ def framed_box(subject: Facts | None) -> tuple[NDArray[np.float64], NDArray[np.f
     return lower - point, upper + point
 
 
-def corners_of(low: Operand, high: Operand, target: Operand, away: Operand, up: Operand) -> list[tuple[Expr, ...]]:
-    """The corners of a box from the target: to the right, upwards and towards a camera in the direction `away`."""
+def seen_at(points: Sequence[Operand], away: Operand, up: Operand) -> Corners:
+    """Points relative to the target: to the right, upwards and towards a camera in the direction `away`."""
     backward = v.normalize(away)
     right = v.normalize(v.cross(up, backward))
     axes = (right, v.cross(backward, right), backward)
-    ends = (expr(low), expr(high))
-    corners = [v.vec3(*(ends[k][i] for i, k in enumerate(which))) - target for which in product((0, 1), repeat=3)]
-    return [tuple(v.dot(corner, axis) for axis in axes) for corner in corners]
+    return [tuple(v.dot(point, axis) for axis in axes) for point in points]
 
 
-def distance_to_see(corners: Corners, tan_half_fov: Operand, aspect: Expr, margin: Operand = MARGIN) -> Expr:
-    """The least distance from the target of a camera that sees all corners of a box, and a margin.
+def outermost(points: Corners) -> Corners:
+    """The points that decide the distance of a camera: constant ones behind and inside others are left out."""
+    if not all(number.is_constant for point in points for number in point):
+        return points
+    given = np.abs([[float(number.data) for number in point] for point in points])
+    given[:, 2] = [float(z.data) for _, _, z in points]
+    kept: dict[int, None] = {}
+    for axis in (0, 1):
+        best = -np.inf
+        for i in np.lexsort((-given[:, axis], -given[:, 2])):  # towards the camera first
+            if given[i, axis] > best:
+                kept[int(i)] = None
+                best = given[i, axis]
+    return [points[i] for i in kept]
 
-    A corner at (x, y, z) from the target, right, up and towards the camera, is in the picture of a camera at distance d
+
+def distance_to_see(points: Corners, tan_half_fov: Operand, aspect: Expr, margin: Operand = MARGIN) -> Expr:
+    """The least distance from the target of a camera that sees all points, and a margin.
+
+    A point at (x, y, z) from the target, right, up and towards the camera, is in the picture of a camera at distance d
     if |y| <= (d - z) tan(fov / 2), and likewise for x.
     """
     found = []
-    for x, y, z in corners:
+    for x, y, z in points:
         found += [z + v.max(abs(x) / aspect, abs(y)) * (margin / expr(tan_half_fov)), z * margin]
     return balanced(found, v.max)
 
 
-def half_extent(corners: Corners, aspect: Expr, margin: Operand = MARGIN) -> Expr:
-    """Half the height of the smallest orthographic picture about the target that shows all corners of a box, and a
-    margin."""
-    return margin * balanced([v.max(abs(x) / aspect, abs(y)) for x, y, _ in corners], v.max)
+def half_extent(points: Corners, aspect: Expr, margin: Operand = MARGIN) -> Expr:
+    """Half the height of the smallest orthographic picture about the target that shows all points, and a margin."""
+    return expr(margin) * balanced([v.max(abs(x) / aspect, abs(y)) for x, y, _ in points], v.max)
 
 
 @cache
 def _framing() -> Callable[..., tuple[Any, ...]]:
-    """`distance_to_see` and `half_extent` of arrays: low, high, target, away, up, tan_half_fov, aspect, margin."""
-    vectors = [var(name, VEC3) for name in ("low", "high", "target", "away", "up")]
+    """`distance_to_see` and `half_extent` of each point of an array: points, away, up, tan_half_fov, aspect, margin."""
+    vectors = [var(name, VEC3) for name in ("point", "away", "up")]
     tan_half_fov, aspect, margin = (var(name, FLOAT) for name in ("tan_half_fov", "aspect", "margin"))
-    corners = corners_of(*vectors)
-    found = [distance_to_see(corners, tan_half_fov, aspect, margin), half_extent(corners, aspect, margin)]
+    seen = seen_at(vectors[:1], *vectors[1:])
+    found = [distance_to_see(seen, tan_half_fov, aspect, margin), half_extent(seen, aspect, margin)]
     return evaluator(found, [*vectors, tan_half_fov, aspect, margin])
 
 
-def before_box(size: float, half: float) -> float:
-    """The distance from the target of an orthographic camera in front of a box. size : of the box's diagonal. A floor
-    under the box does not reach up to the lower edge of the picture there."""
+def before_points(size: float, half: float) -> float:
+    """The distance from the target of an orthographic camera in front of what it frames, of some diameter. A floor
+    under it does not reach up to the lower edge of the picture there."""
     return 2.0 * max(size, 2.0 * half)
 
 

@@ -21,6 +21,7 @@ from raymarch.expr.walk import find
 from raymarch.scene.ambient_occlusion import AmbientOcclusion
 from raymarch.scene.camera import Camera, Pose, framed_box
 from raymarch.scene.fog import Fog
+from raymarch.scene.framing import Framed, frame_of
 from raymarch.scene.light import KINDS, Light, Sun, sample_of
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import ParamValue, Spec, Values, specs_in
@@ -252,8 +253,15 @@ class Scene(Value):
 
     @property
     def subject(self) -> Facts | None:
-        """The box around all bounded parts. A camera without a position frames it."""
+        """The box around all bounded parts."""
         return _bounded_part(self.node)
+
+    @property
+    def framed(self) -> Framed | None:
+        """What a camera without a position frames, or one without a target looks at; None for any other camera."""
+        camera = self.camera
+        needed = camera.position is None or camera.target is None or (camera.orthographic and camera.height is None)
+        return _framed(self.node) if needed else None
 
     @property
     def middle(self) -> tuple[NDArray[np.float64], float]:
@@ -278,7 +286,14 @@ class Scene(Value):
 
     def pose(self, values: Values, aspect: float = 1.0) -> Pose:
         """The camera of one frame; `aspect` is width over height of the picture."""
-        return self.camera.pose(values, self.subject, aspect)
+        return self.camera.pose(values, self.framed, aspect)
+
+    def target(self, values: Values) -> NDArray[np.float64]:
+        """The point at which the camera of a frame looks."""
+        framed = self.framed
+        if self.camera.target is not None:
+            return values.of(self.camera.target)
+        return np.zeros(3) if framed is None else framed.middle
 
     def far(self, pose: Pose, values: Values | None = None) -> float:
         """Maximum distance of rays: beyond the scene's box, or `HORIZON` times the scale of an unbounded scene.
@@ -408,6 +423,11 @@ def _moved_parts(root: Node) -> list[tuple[Facts, Expr]]:
         if inner is not node and inner.facts.bounded and not inner.facts.empty:
             found.append((inner.facts, offset))
     return found
+
+
+@_remembered
+def _framed(root: Node) -> Framed:
+    return frame_of(root, [node for node in _operands(root) if node.facts.bounded and not node.facts.empty])
 
 
 @_remembered

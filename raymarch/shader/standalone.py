@@ -22,7 +22,8 @@ from raymarch.expr.srgb import ENCODE
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import max, normalize, tan
 from raymarch.plan import Plan
-from raymarch.scene.camera import VIEW, corners_of, distance_to_see, framed_box, half_extent
+from raymarch.scene.camera import distance_to_see, half_extent, outermost, seen_at
+from raymarch.scene.framing import CUBE, VIEW, Framed
 from raymarch.scene.scene import HORIZON
 from raymarch.shader.chunk import Chunk, Lines, Mapped, Values
 
@@ -52,8 +53,10 @@ class Setup:
     def __init__(self, plan: Plan, values: Values, inputs: Mapping[str, str]) -> None:
         self._plan, self._inputs = plan, inputs
         camera, where, origin = plan.given.camera, plan.given.camera.where, const(plan.origin)
-        low, high = framed_box(plan.given.subject)
-        target = const((low + high) / 2) if camera.target is None else camera.target
+        framed = plan.given.framed or Framed(CUBE)
+        target = const(framed.middle) if camera.target is None else camera.target
+        points = [const(point) - target for point in framed.points]
+        place_of = framed.position if camera.automatic else None
         view = const(VIEW) if camera.view_from is None else camera.view_from
 
         def text(name: str, value: Operand) -> str:
@@ -67,7 +70,7 @@ class Setup:
             extent = text("half_height", half)
         else:
             away = view if camera.position is None else camera.position - target
-            half = half_extent(corners_of(low, high, target, away, camera.up), ASPECT)
+            half = half_extent(outermost(seen_at(points, away, camera.up)), ASPECT)
             values.functions.append(Function("camera_half_height", (ASPECT,), half, where=where))
             extent = "camera_half_height(u_resolution.x / u_resolution.y)"
         self._clip: dict[str, str] = {}
@@ -81,18 +84,19 @@ class Setup:
             self._clip["u_clip_far"] = "1.0e30" if camera.far is None else text("far", camera.far)
         place = text("target", target - origin)
         up = text("up", camera.up)
-        if camera.position is not None:
-            position = text("position", camera.position - origin)
+        if camera.position is not None or place_of is not None:
+            at = const(place_of) if camera.position is None else camera.position
+            position = text("position", at - origin)
         else:
             if view.is_constant:
                 backward = constant(const(view.data / np.linalg.norm(view.data)))
             else:
                 backward = text("backward", normalize(view))
             if half is None:
-                corners = corners_of(low, high, target, view, camera.up)
-                distance = distance_to_see(corners, tan(camera.fov * (np.pi / 360.0)), ASPECT)
+                seen = outermost(seen_at(points, view, camera.up))
+                distance = distance_to_see(seen, tan(camera.fov * (np.pi / 360.0)), ASPECT)
             else:
-                distance = 2.0 * max(float(np.linalg.norm(high - low)), 2.0 * half)
+                distance = 2.0 * max(framed.diameter, 2.0 * half)
             values.functions.append(Function("camera_distance", (ASPECT,), distance, where=where))
             position = f"{place} + {backward} * camera_distance(u_resolution.x / u_resolution.y)"
         self._camera = {"size": self._size, "extent": extent, "position": position, "target": place, "up": up}

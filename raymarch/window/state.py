@@ -265,16 +265,7 @@ def parameters_in_order(base: Scene, scene: Scene, file: Path) -> dict[str, Spec
 
 def home(scene: Scene, values: Values, aspect: float) -> View:
     """The view of the scene's camera."""
-    camera, subject = scene.camera, scene.subject
-    pose = scene.pose(values, aspect)
-    target = None
-    if camera.target is not None:
-        target = values.of(camera.target)
-    elif subject is not None and subject.bounded and not subject.empty:
-        target = (subject.lower + subject.upper) / 2
-    else:
-        target = np.zeros(3)
-    return control.view_of(pose, target, values.of(camera.up))
+    return control.view_of(scene.pose(values, aspect), scene.target(values), values.of(scene.camera.up))
 
 
 def shown(value: Value) -> str:

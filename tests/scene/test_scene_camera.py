@@ -131,24 +131,53 @@ SOLIDS = [
 @pytest.mark.parametrize("fov", [5, 45, 90, 150])
 @pytest.mark.parametrize("size", [(640, 360), (100, 100), (90, 160), (16, 256)])
 @pytest.mark.parametrize("solid", SOLIDS, ids=range(len(SOLIDS)))
-def test_an_unplaced_camera_frames_the_box(solid: Any, size: tuple[int, int], fov: float) -> None:
+def test_an_unplaced_camera_shows_the_solid_and_little_else(solid: Any, size: tuple[int, int], fov: float) -> None:
     aspect = size[0] / size[1]
     scene = rm.Scene(solid, camera=rm.Camera(fov=fov))
     pose = scene.pose(Values({}), aspect)
     subject = scene.subject
     assert subject is not None
-    corners = np.array(list(itertools.product(*zip(subject.lower, subject.upper, strict=True))))
-    x, y, z = ((corners - pose.position) @ pose.frame).T
-    assert np.all(z < 0), "a corner lies behind the camera"
+    box = np.stack([subject.lower, subject.upper])
+    inner = np.random.default_rng(1).uniform(*box, (20_000, 3))
+    ends = np.array(list(itertools.product(*box.T)))
+    points = np.concatenate([inner, ends])
+    x, y, z = ((points[solid.distance(points) <= 1e-9] - pose.position) @ pose.frame).T
+    assert np.all(z < 0), "a point lies behind the camera"
     across, up = x / -z / (pose.tan_half_fov * aspect), y / -z / pose.tan_half_fov
     largest = max(np.abs(across).max(), np.abs(up).max())
-    assert largest <= 1, "a corner lies outside the picture"
-    if np.ptp(subject.size) == 0:
-        # Of a cube in a ball of radius 1, a corner is 1/sqrt(3) off the axis at least, to one side or up or down,
-        # and no more than 1 behind the middle. The ball may stand 1.1 times as far as where it fills the picture.
-        half = math.atan(pose.tan_half_fov * min(aspect, 1.0))
-        least = math.cos(half) / (1.1 + math.sin(half)) / math.sqrt(3)
-        assert max(np.abs(x / z).max(), np.abs(y / z).max()) >= math.tan(half) * least, "it stands too far away"
+    assert largest <= 1, "a point lies outside the picture"
+    assert fov > 45 or largest >= 0.7, "it stands too far away"
+
+
+FILLED = {
+    "ball": (rm.sphere(), 0.75),
+    "turning": (rm.box((1, 1, 1)).rotate(rm.time, "x").rotate(0.7 * rm.time, "y").rotate(0.3 * rm.time, "z"), 0.6),
+    "polyhedron of planes": (rm.intersection(*[rm.plane(s * e, 100) for e in np.eye(3) for s in (-1, 1)]), None),
+    "large": (rm.torus(1e4, 2e3).translate((1e5, 0, 0)), 0.3),
+    "sampled at the ends of a Param": (rm.sphere(rm.Param("filling", 1, 0.5, 2)), 0.35),
+}
+
+
+@pytest.mark.parametrize("name", FILLED)
+def test_a_solid_fills_the_picture(name: str) -> None:
+    """The height that random points of its inside take."""
+    solid, least = FILLED[name]
+    pose = rm.Scene(solid).pose(Values({}), 16 / 9)
+    points = np.random.default_rng(2).uniform(-1.0, 1.0, (20_000, 3))
+    if solid.facts.bounded:
+        low, high = solid.bounds
+        points = (low + high) / 2 + points * (high - low) / 2
+    _, y, z = ((points[solid.distance(points) <= 0] - pose.position) @ pose.frame).T
+    if least is not None:
+        assert np.ptp(y / -z) / (2 * pose.tan_half_fov) >= least
+
+
+@pytest.mark.parametrize("solid", [rm.gyroid(), rm.gyroid(30.0, 1.0), rm.sphere(0.3).repeat(1)])
+def test_an_endless_solid_is_seen_from_outside_of_it(solid: Any) -> None:
+    scene = rm.Scene(solid)
+    pose = scene.pose(Values({}))
+    found = rm.raycast(scene, pose.position[None], pose.view[None])
+    assert solid.distance(pose.position) > 0.02 and np.all((found.distance > 0.02) & (found.distance < 50))
 
 
 @pytest.mark.parametrize("aspect", [16 / 9, 1.0, 0.5])

@@ -24,7 +24,6 @@ from raymarch.expr.texels import Texels
 from raymarch.gpu.display import HIGH, HIT, LOW, VALUE, VECTOR
 from raymarch.gpu.views import ALL
 from raymarch.plan import Plan, plan
-from raymarch.scene.camera import framed_box
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.shader import Shader, assemble
@@ -102,9 +101,7 @@ def _params(made: Plan, shader: Shader, values: Values) -> list[dict[str, Any]]:
 
 
 def _distance(scene: Scene, values: Values) -> float:
-    lower, upper = framed_box(scene.subject)
-    target = (lower + upper) / 2 if scene.camera.target is None else values.of(scene.camera.target)
-    return float(np.linalg.norm(scene.pose(values).position - target))
+    return float(np.linalg.norm(scene.pose(values).position - scene.target(values)))
 
 
 def _elevation(scene: Scene, values: Values) -> float:

@@ -1,0 +1,76 @@
+"""The studio in which a picture shows a bare node: what the user did not state."""
+
+from __future__ import annotations
+
+from raymarch.errors import warn
+from raymarch.scene.ambient_occlusion import AmbientOcclusion
+from raymarch.scene.light import Sun
+from raymarch.scene.material import Material
+from raymarch.scene.quality import Quality
+from raymarch.scene.scene import DEFAULT, Scene, scene_of
+from raymarch.scene.sky import GradientSky
+from raymarch.sdf.booleans import union
+from raymarch.sdf.node import Node
+from raymarch.sdf.solids import box, plane
+
+CLAY = Material(color=(0.55, 0.24, 0.1), specular=0.12, shininess=24.0, ambient=0.0)
+"""Of a solid without any material: not white, so that light and shadow are seen, and unlike the ground."""
+
+GROUND = Material(color=(0.45, 0.45, 0.45), specular=0.0, ambient=0.0)
+SKY = GradientSky((0.2, 0.25, 0.34), (0.49, 0.51, 0.53), (0.12, 0.11, 0.1), light=True)
+SUN = Sun((-0.55, 1.0, 0.6), (1.0, 0.94, 0.86), 1.0, shadow=True, softness=0.08)
+OPEN = Sun((-0.55, 1.0, 0.6), (1.0, 0.94, 0.86), 1.0)
+"""Of a solid without end, which would shade itself."""
+
+OCCLUSION = AmbientOcclusion(steps=4)
+
+SAMPLES = 4
+"""Rays per pixel of a picture of a bare node, so that edges are smooth."""
+
+
+def in_studio(scene: Scene) -> bool:
+    """True for a scene that `staged` made."""
+    return scene.sky == SKY and scene.occlusion == OCCLUSION
+
+
+def staged(scene: Scene) -> Scene:
+    """The scene of a bare node in a studio: on a ground, under a soft sun and a sky. Any other scene is unchanged.
+
+    A solid that has no end and that no camera sees from outside is cut by a cube.
+    """
+    if not scene.of_a_node:
+        return scene
+    framed = scene.framed
+    if framed is not None and framed.cube:
+        edge = framed.cube
+        what = f"{scene.node.name} has no end: the picture shows a cube of edge {edge:.3g} of it"
+        warn(f"{what}; Scene(node, camera=Camera(position=...)) shows it from inside", scene.where)
+        scene = scene_of(scene.node & box((edge, edge, edge)))
+        framed = scene.framed
+    elif framed is not None and not framed.sees:
+        warn(f"no place is known from which a camera sees {scene.node.name}; state Camera(position=...)", scene.where)
+    node = _colored(scene.node) if scene.materials == (DEFAULT,) else scene.node
+    floor = None if framed is None else framed.floor
+    if floor is not None:
+        node = node | plane(offset=floor).material(GROUND)
+    made = scene.replace(
+        node=node,
+        lights=[OPEN if floor is None and not _on_ground(scene.node) else SUN],
+        sky=SKY,
+        occlusion=OCCLUSION,
+        quality=Quality(samples=SAMPLES),
+    )
+    made._set(where=scene.where)
+    return made
+
+
+def _on_ground(node: Node) -> bool:
+    """True for a hard union of bounded and other solids, as of things on a floor."""
+    return node.name == "union" and any(child.facts.bounded for child in node.children)
+
+
+def _colored(node: Node) -> Node:
+    """A solid without materials in the colours of the studio."""
+    if not node.facts.bounded and _on_ground(node):
+        return union(*(part.material(CLAY if part.facts.bounded else GROUND) for part in node.children))
+    return node.material(CLAY)
