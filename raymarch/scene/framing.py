@@ -99,7 +99,7 @@ SUPPORT = np.concatenate([np.eye(3), -np.eye(3), _directions(58)])
 
 def farthest(points: Points) -> Points:
     """The points that lie farthest in a direction of `SUPPORT`: at most 64, with nearly the same convex hull."""
-    kept: Points = points[np.unique(np.argmax(points @ SUPPORT.T, axis=0))]
+    kept: Points = points[sorted({*np.argmax(points @ SUPPORT.T, axis=0).tolist()})]
     return kept
 
 

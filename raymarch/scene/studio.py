@@ -40,7 +40,7 @@ def staged(scene: Scene) -> Scene:
     """
     if not scene.of_a_node:
         return scene
-    framed = scene.framed
+    where, framed = scene.node.where, scene.framed
     if framed is not None and framed.cube:
         edge = framed.cube
         what = f"{scene.node.name} has no end: the picture shows a cube of edge {edge:.3g} of it"
@@ -53,6 +53,7 @@ def staged(scene: Scene) -> Scene:
     floor = None if framed is None else framed.floor
     if floor is not None:
         node = node | plane(offset=floor).material(GROUND)
+    node.where = where
     made = scene.replace(
         node=node,
         lights=[OPEN if floor is None and not _on_ground(scene.node) else SUN],
@@ -60,7 +61,7 @@ def staged(scene: Scene) -> Scene:
         occlusion=OCCLUSION,
         quality=Quality(samples=SAMPLES),
     )
-    made._set(where=scene.where)
+    made._set(where=where)
     return made
 
 

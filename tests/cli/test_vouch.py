@@ -42,7 +42,7 @@ DOUBTFUL = {
     ),
     "a colour that is no number": (
         "from raymarch.expr.vocabulary import exp\n"
-        "scene = rm.sphere().material(rm.Material(emission=lambda p: (exp(1000 * p.x), 0, 0)))",
+        "scene = rm.Scene(rm.sphere().material(rm.Material(emission=lambda p: (exp(1000 * p.x), 0, 0))))",
         [],
         "have a colour that is not finite (--view nonfinite)",
     ),
@@ -105,6 +105,6 @@ def test_sizes_beyond_float32_are_refused(folder, capsys):
     (folder / "a.py").write_text(HEAD + "scene = rm.sphere(1e20)\n")
     assert run("render", "a.py", "--size", "32x20") == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("raymarch: a.py:2: the scene is 8.13e+20 units large")
+    assert line.startswith("raymarch: a.py:2: the scene is 6.54e+20 units large")
     assert "from 1e-15 to 1e+15 units" in line
     assert not (folder / "a.png").exists()
