@@ -39,6 +39,10 @@ LEAST_TILE = 64
 GROWTH = 2.0
 """Least pixels of a tile, and how many times more or fewer than the last one it has."""
 
+DEARER, LONGEST = 16.0, 3.0
+"""A tile takes at most LONGEST budgets if its pixels cost DEARER times the mean of those drawn so far: a fractal may
+stand beside a cheap sky."""
+
 BLOCK = 256
 """Edge of the largest tile, in pixels."""
 
@@ -63,10 +67,10 @@ class _Part:
                 self.tiles[:0] = [(x, y, width, half), (x, y + half, width, height - half)]
         return self.tiles.pop(0)
 
-    def drawn(self, tile: Tile, milliseconds: float, wanted: float) -> None:
-        """Choose the size of the next tile by the time of this one."""
-        factor = wanted / max(milliseconds, 1e-3)
-        self.pixels = tile[2] * tile[3] * min(max(factor, 1.0 / GROWTH), GROWTH)
+    def drawn(self, tile: Tile, milliseconds: float, budget: float, mean: float) -> None:
+        """Choose the size of the next tile by the time of this one, and by the mean milliseconds of a pixel so far."""
+        factor = min(max(0.5 * budget / max(milliseconds, 1e-3), 1.0 / GROWTH), GROWTH)
+        self.pixels = min(tile[2] * tile[3] * factor, LONGEST * budget / (DEARER * max(mean, 1e-9)))
 
 
 class Picture:
@@ -227,7 +231,7 @@ class Picture:
             before, spent = spent, 1e3 * (clock_time.perf_counter() - start)
             latest = spent - before
             self.longest = max(self.longest, latest)
-            part.drawn(tile, latest, self.pace.budget / 2)
+            part.drawn(tile, latest, self.pace.budget, (self._spent + spent) / self._pixels)
             self._tile = min(part.pixels, FIRST_TILE)
         last = len(rest) == 1
         if last and shot.view == "final" and self._done == 0:

@@ -139,7 +139,7 @@ def minimised(session: Session, folder: Path) -> str:
 
 
 def slow(session: Session, folder: Path) -> str:
-    """The first picture, the largest tile, and the longest stall of a drag."""
+    """The first picture, the longest stall of a drag, and of the tiles: a budget of 33 ms, and a last one of 99."""
     frames = [e for e in session.events() if e["event"] == "frame"]
     start = time.monotonic()
     mark = session.mark()
@@ -152,10 +152,10 @@ def slow(session: Session, folder: Path) -> str:
     moved = [e for e in session.events()[mark:] if e["event"] == "frame" and e["moving"]]
     spent, stalls = time.monotonic() - start, [e["ms"] + e["rest"] for e in moved]
     session.wait("frame", lambda e: e["whole"] and not e["preview"])
-    tiles = [e["tile"] for e in session.events() if e["event"] == "frame" and not e["moving"] and not e["preview"]]
+    still = [e["ms"] for e in session.events() if e["event"] == "frame" and not e["moving"] and not e["preview"]]
     return (
         f"first picture {frames[0]['ms']:.0f} ms (bar 500); dragging {len(moved)} frames in {spent:.0f} s, "
-        f"longest {max(stalls):.0f} ms (bar 150); longest tile {max(tiles[2:], default=0):.0f} ms (bar 99)"
+        f"longest {max(stalls):.0f} ms (bar 150); tiles of a frame up to {max(still[2:], default=0):.0f} ms"
     )
 
 
