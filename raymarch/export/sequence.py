@@ -23,6 +23,7 @@ from raymarch.gpu.prepare import Prepared, assembled, passes_for
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.tiles import split
 from raymarch.plan import plan
+from raymarch.plan.device import device_class
 from raymarch.scene.parameter import ParamValue
 from raymarch.scene.scene import Scene
 
@@ -219,11 +220,14 @@ def _remove(files: Iterable[Path]) -> None:
 class Contents:
     """The content hashes of the pictures of one scene; see `content_of`.
 
-    renderer : whose plans of the scene are used. None plans it, which needs no OpenGL.
+    renderer : whose plans of the scene are used, if its device is of the class for which the scene is planned without
+        a device: a hash says nothing of the device. None plans it, which needs no OpenGL.
     """
 
     def __init__(self, scene: Scene, shot: Shot, renderer: Renderer | None = None) -> None:
-        self.scene, self.shot, self.renderer = scene, shot, renderer
+        self.scene, self.shot = scene, shot
+        same = renderer is not None and renderer.context.driver.device_class is device_class()
+        self.renderer = renderer if same else None
         self._ready: dict[Any, Prepared] = {}
 
     def of(self, item: Item, params: Mapping[str, ParamValue] | None = None) -> str | None:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import raymarch as rm
 from raymarch.export import export
+from raymarch.export.sequence import Contents, Item
+from raymarch.export.stills import Shot
 from raymarch.expr.branches import branched, leaves
 from raymarch.expr.walk import find
 from raymarch.gpu.prepare import prepare
@@ -84,3 +87,13 @@ def test_exports_are_planned_for_hardware(tmp_path):
     export(SCENE, tmp_path / "scene.glsl")
     text = (tmp_path / "scene.glsl").read_text()
     assert "#define u_unseen" in text and "uniform float u_unseen" not in text
+
+
+def test_the_hash_of_a_picture_does_not_depend_on_the_class(monkeypatch, tmp_path):
+    """A client that draws nothing names the pictures that the GPUs of its workers draw."""
+    shot = Shot((16, 9))
+    item = Item("frame 0", 0.0, tmp_path / "a.png", shot.size)
+    with rm.Renderer(shot.size) as renderer:
+        monkeypatch.setattr(renderer.context, "driver", replace(renderer.context.driver, is_software=False))
+        assert renderer.prepared(SCENE).plan.device is HARDWARE
+        assert Contents(SCENE, shot, renderer).of(item) == Contents(SCENE, shot).of(item) is not None
