@@ -186,16 +186,23 @@ def main(arguments: list[str] | None = None) -> int:
                 costs[method].append(
                     (float(asked.mean()) / points, float(asked[lit].mean()) / points if lit.any() else 0)
                 )
-    print(f"{given.pairs} pairs; error of the visible part of the disc: mean, 99 %, worst; of each kind: mean, worst")
+    print(f"{given.pairs} pairs; error of the visible part of the disc: mean, 99 %, worst, the part above .05")
+    print("    of each kind: mean, worst, the part above .05")
     for method in METHODS:
         every = np.abs(np.concatenate([e for kind in KINDS for e in errors[method, kind]]))
         kinds = [np.abs(np.concatenate(errors[method, kind])) for kind in KINDS if errors[method, kind]]
         cost = np.mean(costs[method], axis=0)
         print(
-            f"{method:12} {every.mean():.3f} {np.quantile(every, 0.99):.3f} {every.max():.3f}  evaluations "
+            f"{method:12} {every.mean():.3f} {np.quantile(every, 0.99):.3f} {every.max():.3f}  "
+            f"above .05 {np.mean(every > 0.05):.1%}  evaluations "
             f"{cost[0]:.1f}, lit {cost[1]:.1f}"
         )
-        print("    " + ", ".join(f"{k} {e.mean():.3f} {e.max():.2f}" for k, e in zip(KINDS, kinds, strict=False)))
+        print(
+            "    "
+            + ", ".join(
+                f"{k} {e.mean():.3f} {e.max():.2f} {np.mean(e > 0.05):.0%}" for k, e in zip(KINDS, kinds, strict=False)
+            )
+        )
     return 0
 
 
