@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import io
 import re
 import subprocess
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -270,3 +272,28 @@ class TestInABrowser:
         browser.drag((x, y), (x, y))
         until("document.fullscreenElement")
         browser.run("document.exitFullscreen()")
+
+
+def test_the_keyboard_turns_the_picture_and_a_lost_device_comes_back(browser: chromium.Browser, tmp_path: Path) -> None:
+    """With the state that the page had."""
+    browser.open(page(rm.Scene(rm.sphere()), tmp_path)[0])
+    browser.run("canvas.focus(); 0")
+    for key in ("ArrowLeft", "ArrowUp", "+"):
+        text = {"text": key} if key == "+" else {}
+        browser.call("Input.dispatchKeyEvent", type="keyDown", key=key, **text)
+        browser.call("Input.dispatchKeyEvent", type="keyUp", key=key)
+    turned = browser.run("raymarch.state.orbit.slice()")
+    assert turned == pytest.approx([0.096, -0.096, -0.1])
+    browser.run("new Promise(done => { const wait = () => location.hash ? done() : setTimeout(wait, 20); wait(); })")
+    browser.run(
+        "window.device = canvas.getContext('webgl2').getExtension('WEBGL_lose_context'); device.loseContext(); 0"
+    )
+    lost = "new Promise(done => { const wait = () => document.getElementById('fault').textContent ? done(0) : "
+    browser.run(f"{lost} setTimeout(wait, 20); wait(); }})")
+    browser.run("device.restoreContext(); 0")
+    until, found = time.monotonic() + 20.0, None
+    while not found and time.monotonic() < until:
+        time.sleep(0.02)
+        with contextlib.suppress(RuntimeError):  # while it is loaded again
+            found = browser.run("window.device ? null : window.raymarch?.state.orbit.slice()")
+    assert found == pytest.approx(turned)
