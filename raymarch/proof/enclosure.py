@@ -431,10 +431,6 @@ def _times_two(a: Interval) -> Interval:
     return r.mul(a, (np.asarray(math.log(2.0)),) * 2)
 
 
-def _wider(a: Interval) -> Interval:
-    return r.outward(*a, r.CLOSE)
-
-
 # Vectors
 
 
