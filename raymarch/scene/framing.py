@@ -128,16 +128,26 @@ def _outside(part: Node, few: bool) -> Points:
         return np.concatenate([corners(box.lower, box.upper) for box in boxes] or [corners(lower, upper)])
     point = not np.any(upper > lower)
     box = lower - point, upper + point
-    found = [_surface(field, *box) for field in _fields(part)] if few and not point else []
+    fields = list(_fields(part)) if few and not point else []
+    found = [_surface(field, *box) for field in fields]
     seen = np.concatenate(found) if found else np.zeros((0, 3))
     if len(seen) < 4:
         return corners(*box)
-    if np.all(np.ptp(seen, axis=0) > 0.8 * (box[1] - box[0])):
-        return _to_corners(seen, *box)
-    # A second, finer look: the box of a solid that turns is much larger than the solid
-    pad = 0.1 * (seen.max(axis=0) - seen.min(axis=0)) + 1e-9
-    low, high = np.maximum(box[0], seen.min(axis=0) - pad), np.minimum(box[1], seen.max(axis=0) + pad)
-    return _to_corners(np.concatenate([seen, *(_surface(field, low, high) for field in _fields(part))]), *box)
+    if not np.all(np.ptp(seen, axis=0) > 0.8 * (box[1] - box[0])):
+        # A second, finer look: the box of a solid that turns is much larger than the solid
+        low, high = _padded(seen)
+        low, high = np.maximum(box[0], low), np.minimum(box[1], high)
+        seen = np.concatenate([seen, *(_surface(field, low, high) for field in fields)])
+    ends, size = corners(*box), np.linalg.norm(box[1] - box[0])
+    own = [ends[field(ends) <= 1e-6 * size] for field in fields]  # the corners of a box belong to it
+    return np.concatenate([_to_corners(seen, *box), *own])
+
+
+def _padded(points: Points) -> tuple[Points, Points]:
+    """The box of points, a little larger."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    pad = 0.1 * (high - low) + 1e-6 * np.max(high - low)
+    return low - pad, high + pad
 
 
 def _to_corners(points: Points, lower: Points, upper: Points) -> Points:
@@ -153,7 +163,13 @@ def _fields(node: Node) -> Iterator[Field]:
         return
     evaluate = evaluator_of(field)
     specs = {leaf.data.name: leaf.data for leaf in find([field.body], "param")}
-    ends = [{n: s.value if (at := getattr(s, end)) is None else at for n, s in specs.items()} for end in ("min", "max")]
+    ends = [
+        {
+            n: s.value if (at := getattr(s, end)) is None else np.broadcast_to(at, np.shape(s.value))
+            for n, s in specs.items()
+        }
+        for end in ("min", "max")
+    ]
     choices = [{n: s.value for n, s in specs.items()}, *(ends if specs else [])]
     for time, params in product(TIMES if find([field.body], "time") else TIMES[:1], choices):
 
@@ -199,8 +215,7 @@ def _sought(fields: list[Field]) -> Points | None:
         low, high = np.full(3, -half), np.full(3, half)
         found = np.concatenate([_surface(field, low, high) for field in fields])
         if len(found) >= 4 and np.max(np.abs(found)) < 0.9 * half:
-            pad = 0.1 * (found.max(axis=0) - found.min(axis=0)) + 1e-9
-            low, high = found.min(axis=0) - pad, found.max(axis=0) + pad
+            low, high = _padded(found)
             return np.concatenate([found, *(_surface(field, low, high) for field in fields)])
     return None
 

@@ -164,7 +164,8 @@ def test_an_operator_that_is_placed_keeps_what_is_known_of_its_child(name: str, 
         np.testing.assert_allclose(node.distance(points), wanted.min(axis=1), atol=1e-12)
     assert place(balls[0]).exactness == "exact" and place(balls[0]).facts.convex
     assert list(contradictions(place(balls[0]))) == []
-    scenes = [rm.Scene(node | FLOOR) for node in (above, below, copies)]
+    camera = rm.Camera((4, 4, 8), (0, 0, 0))
+    scenes = [rm.Scene(node | FLOOR, camera) for node in (above, below, copies)]
     for scene in scenes:
         assert plan(scene, ("color",)).gathered.data == 70
     first, other = (renderer.render(scene).color for scene in scenes[1:])

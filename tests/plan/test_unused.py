@@ -34,8 +34,8 @@ CASES: dict[str, tuple[rm.Scene, rm.Scene]] = {
     "no effect with bounces = 0": (scene(MIRROR, quality=WHITTED, bounces=0), scene(MIRROR, quality=WHITTED)),
     "a mirror shows nothing but lights": (scene(MIRROR, sky=GREY), scene(MIRROR, sky=LIT)),
     "draws rough glass clear": (
-        scene(GLASS.replace(roughness=0.4), quality=WHITTED),
-        scene(GLASS.replace(roughness=0.4)),
+        scene(GLASS.replace(roughness=0.4), sky=rm.GradientSky(), quality=WHITTED),
+        scene(GLASS.replace(roughness=0.4), sky=rm.GradientSky()),
     ),
     "Scene(occlusion=...) has no effect: no ambient light": (
         scene(occlusion=rm.AmbientOcclusion(), sky=GREY),
@@ -76,11 +76,11 @@ CASES: dict[str, tuple[rm.Scene, rm.Scene]] = {
     "Fog(height=...) has no effect": (scene(fog=rm.Fog(height=1)), scene(fog=rm.Fog(height=1, falloff=1))),
     "Material(ior=...) has no effect without transmission": (
         scene(rm.Material(roughness=0.4, ior=1.3)),
-        scene(rm.Material(transmission=1, ior=1.3)),
+        scene(rm.Material(transmission=1, ior=1.3), sky=rm.GradientSky()),
     ),
     "Material(absorption=...) has no effect": (
         scene(rm.Material(roughness=0.4, absorption=1)),
-        scene(rm.Material(transmission=1, absorption=1)),
+        scene(rm.Material(transmission=1, absorption=1), sky=rm.GradientSky()),
     ),
     "Material(clearcoat_roughness=...) has no effect without clearcoat": (
         scene(rm.Material(roughness=0.4, clearcoat_roughness=0.1)),
@@ -109,7 +109,7 @@ SWALLOWED = {
 
 @pytest.mark.parametrize("name", SWALLOWED)
 def test_a_solid_that_glass_hides_is_named(name: str) -> None:
-    hidden, seen = (rm.Scene(node, bounces=4) for node in SWALLOWED[name])
+    hidden, seen = (rm.Scene(node, sky=rm.GradientSky(), bounces=4) for node in SWALLOWED[name])
     (sentence,) = unused(hidden)
     assert "a solid lies inside glass, in a union with it, and is not visible" in sentence
     assert unused(seen) == [] == unused(hidden.replace(bounces=0))

@@ -127,7 +127,8 @@ def test_an_implicit_surface_that_an_effect_reads_is_doubted() -> None:
 def test_soft_shadows_of_a_bent_solid_take_the_steps_that_its_slope_proves(renderer: rm.Renderer) -> None:
     """Half of these everywhere take 28 evaluations a pixel at 48x27."""
     node = rm.box((1, 2, 1)).twist(2).translate((0, 1.2, 0)) | rm.plane()
-    scene = rm.Scene(node, lights=[rm.Sun((1, 2, 1), shadow=True, softness=0.1)])
+    camera = rm.Camera((1.9, 2.9, 3.8), (0, 1.1, 0))
+    scene = rm.Scene(node, camera, [rm.Sun((1, 2, 1), shadow=True, softness=0.1)])
     renderer.resize((48, 27))
     assert evaluations_of(scene, renderer) < 23.0
     renderer.resize((15, 15))

@@ -50,10 +50,11 @@ def test_without_a_twin_it_is_drawn_and_not_computed() -> None:
     # Rays that pass within an epsilon of the surface may hit anywhere there: no start of the march is known without
     # the twin, and the steps differ. Two rays pass the ball by .05 to .1 pixels. Of GLSL nothing is known along a ray,
     # so both are marched by the tracer that needs the distance alone.
-    quality = rm.Quality(epsilon=0.05, tracer="bracketing")
+    quality = rm.Quality(epsilon=0.02, tracer="bracketing")
     with rm.Renderer((32, 24)) as renderer:
-        frame = renderer.render(rm.Scene(node, quality=quality))
-        plain = renderer.render(rm.Scene(sphere(), quality=quality))
+        camera = rm.Camera((1.4, 1.3, 2.8), (0, 0, 0))
+        frame = renderer.render(rm.Scene(node, camera, quality=quality))
+        plain = renderer.render(rm.Scene(sphere(), camera, quality=quality))
     np.testing.assert_allclose(frame.color, plain.color, atol=2e-5)
     with pytest.raises(SceneError, match="twin"):
         node.distance(POINTS)
