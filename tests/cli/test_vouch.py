@@ -42,7 +42,7 @@ DOUBTFUL = {
     ),
     "a colour that is no number": (
         "from raymarch.expr.vocabulary import exp\n"
-        "scene = rm.Scene(rm.sphere().material(rm.Material(emission=lambda p: (exp(1000 * p.x), 0, 0))))",
+        "scene = rm.sphere().material(rm.Material(emission=lambda p: (exp(1000 * p.x), 0, 0)))",
         [],
         "have a colour that is not finite (--view nonfinite)",
     ),

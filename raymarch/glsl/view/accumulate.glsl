@@ -1,5 +1,6 @@
 // Pass: the linear colour of each pixel, averaged over the samples so far. Each sample's ray goes through a different
-// point of the pixel. Alpha counts the samples. Samples and histories that are not finite are dropped.
+// point of the pixel. Alpha counts the samples. Samples and histories that are not finite are dropped; a
+// pixel without any other keeps one.
 layout(location = 0) out vec4 out_color;
 
 uniform sampler2D u_history;
@@ -16,7 +17,10 @@ void main() {
     vec4 color = vec4(shade(ray, hit), 1.0);
     vec4 before = texelFetch(u_history, ivec2(gl_FragCoord.xy), 0);
     if (!u_keep || !finite(before)) before = vec4(0.0);
-    if (!finite(color)) color = vec4(0.0);
+    if (!finite(color)) {
+        out_color = before.a > 0.0 ? before : color;
+        return;
+    }
     float count = before.a + color.a;
-    out_color = vec4(mix(before.rgb, color.rgb, count > 0.0 ? color.a / count : 0.0), count);
+    out_color = vec4(mix(before.rgb, color.rgb, color.a / count), count);
 }
