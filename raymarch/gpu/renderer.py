@@ -305,7 +305,8 @@ class Renderer:
             known = self._sparse(scene, values, pose)
         if known is not None:
             found.append(vouch.out_of_steps(known.array("done"), scene))
-        if vouch.is_sky(frame.color, scene, pose, values) and not np.any(np.isfinite(frame.depth)):
+        missed = vouch.is_sky(frame.color, scene, pose, values) and not np.any(np.isfinite(frame.depth))
+        if missed or (vouch.may_be_ground(frame.color, scene) and vouch.is_ground(frame.material, scene)):
             found.append(vouch.nothing_visible(scene, values))
         return [doubt for doubt in found if doubt is not None]
 

@@ -18,6 +18,7 @@ from raymarch.scene.light import has_area
 from raymarch.scene.origin import ULP
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene, all_nodes
+from raymarch.scene.studio import GROUND, in_studio
 from raymarch.sdf import levels
 from raymarch.sdf.sampled_facts import quick_contradictions, stated_by_user
 
@@ -199,3 +200,17 @@ def is_sky(color: NDArray[Any], scene: Scene, pose: Pose, values: Values) -> boo
     shown = color[np.ix_(rows, columns)].reshape(-1, 3)
     near = 1e-4 if scene.sky.constant else 0.05  # the samples of a pixel see different parts of the sky
     return bool(np.all(np.abs(shown - sky) <= near * (1.0 + np.abs(sky))))
+
+
+def may_be_ground(color: NDArray[Any], scene: Scene) -> bool:
+    """True if a picture in a studio is as grey as the ground and its shadows everywhere."""
+    if not in_studio(scene):
+        return False
+    high, low = color.max(axis=-1), color.min(axis=-1)
+    return bool(np.all(high - low <= 0.4 * high))
+
+
+def is_ground(material: NDArray[Any], scene: Scene) -> bool:
+    """True if no ray hits anything but the ground of a studio. material : the index at each pixel, -1 for a miss."""
+    ground = [i for i, known in enumerate(scene.materials) if known == GROUND]
+    return bool(np.all(np.isin(material, ground) | (material < 0)))

@@ -28,6 +28,11 @@ DOUBTFUL = {
         [],
         "nothing is visible: the solid is empty",
     ),
+    "a solid alone that has moved out of sight": (
+        "scene = rm.box(1).translate((10 * rm.time, 0, 0))",
+        ["--time", "3"],
+        "nothing is visible: no ray hits the solid, which lies between (29.5, -0.5, -0.5) and (30.5, 0.5, 0.5)",
+    ),
     "a camera that flies away": (
         "scene = rm.Scene(rm.sphere(), rm.Camera((0, 0, 5 + 1e20 * rm.time), (0, 0, 0)))",
         ["--time", "1"],
