@@ -32,7 +32,6 @@ void main() {
     ivec2 at = ivec2(gl_FragCoord.xy);
     vec4 color = texelFetch(u_color, at, 0);
     vec4 surface = texelFetch(u_surface, at, 0);
-    vec4 fresh = color;
     if (!finite(color)) color = vec4(0.0);
     vec4 before = vec4(0.0);
     if (u_keep && u_still) {
@@ -53,7 +52,6 @@ void main() {
     }
     if (!finite(before)) before = vec4(0.0);
     float count = before.a + color.a;
-    // a pixel without any finite sample keeps the last one, so that it is counted
-    out_color = count > 0.0 ? vec4(mix(before.rgb, color.rgb, color.a / count), count) : fresh;
+    out_color = vec4(mix(before.rgb, color.rgb, count > 0.0 ? color.a / count : 0.0), count);
     out_surface = surface;
 }
