@@ -219,7 +219,7 @@ def test_warnings_are_about_what_may_not_be_meant() -> None:
 
 
 RICH = rm.Scene(
-    (rm.sphere(rm.Param("r", 1, 0.5, 2)) - rm.box(1)).shell(0.1).material(RED)
+    (rm.sphere(rm.Param("rich", 1, 0.5, 2)) - rm.box(1)).shell(0.1).material(RED)
     | rm.plane().translate((0, -2, 0)).material(BLUE),
     lights=[rm.Sun((rm.time, 1, 0), shadow=True)],
     fog=rm.Fog(),
@@ -251,7 +251,7 @@ def test_explain_holds_the_plan() -> None:
     order = [f["used"] for f in plain["features"]]
     assert order == sorted(order, reverse=True), "what is used comes first"
     (parameter,) = plain["parameters"]
-    assert {k: parameter[k] for k in ("name", "value", "min", "max")} == {"name": "r", "value": 1, "min": 0.5, "max": 2}
+    assert {k: parameter[k] for k in ("name", "value", "min", "max")} == {"name": "rich", "value": 1, "min": 0.5, "max": 2}
     assert __file__ in parameter["where"]
     assert any("shell" in warning for warning in plain["warnings"])
 
