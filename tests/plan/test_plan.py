@@ -251,7 +251,8 @@ def test_explain_holds_the_plan() -> None:
     order = [f["used"] for f in plain["features"]]
     assert order == sorted(order, reverse=True), "what is used comes first"
     (parameter,) = plain["parameters"]
-    assert {k: parameter[k] for k in ("name", "value", "min", "max")} == {"name": "rich", "value": 1, "min": 0.5, "max": 2}
+    told = {"name": "rich", "value": 1, "min": 0.5, "max": 2}
+    assert {key: parameter[key] for key in told} == told
     assert __file__ in parameter["where"]
     assert any("shell" in warning for warning in plain["warnings"])
 
