@@ -15,6 +15,7 @@ HERE = Path(__file__).parent
 SECTIONS: dict[str, tuple[str, ...]] = {
     "Pictures": ("render", "Renderer", "Frame", "show", "Slice"),
     "Reference and proof": ("truth", "Truth", "raycast", "Hits", "prove", "Proof", "probe", "Probe"),
+    "One ray": ("plot_ray", "ray_samples", "RaySamples", "floor_evaluations"),
     "Files": ("export", "triangulate", "render_frames"),
     "Expressions": (
         *("value_noise", "gradient_noise", "worley", "fbm", "turbulence", "ridged"),
@@ -35,7 +36,7 @@ METHODS: dict[str, tuple[str, ...]] = {
 }
 """The methods of a class that are listed."""
 
-MADE_BY_OTHERS = ("Frame", "Truth", "Hits", "Proof", "Probe", "Texture", "Node")
+MADE_BY_OTHERS = ("Frame", "Truth", "Hits", "RaySamples", "Proof", "Probe", "Texture", "Node")
 """Classes whose instances other functions return."""
 
 ENTRY = re.compile(r"^(\w+(?:, \w+)*) : (.*)$")

@@ -20,6 +20,9 @@ from raymarch.conveniences import attach
 if TYPE_CHECKING:
     from raymarch import cost as cost
     from raymarch.cluster.frames import render_frames as render_frames
+    from raymarch.cost import RaySamples as RaySamples
+    from raymarch.cost import plot_ray as plot_ray
+    from raymarch.cost import ray_samples as ray_samples
     from raymarch.errors import *
     from raymarch.export import export as export
     from raymarch.export import triangulate as triangulate
@@ -37,6 +40,7 @@ if TYPE_CHECKING:
     from raymarch.sdf import *
     from raymarch.truth import Hits as Hits
     from raymarch.truth import Truth as Truth
+    from raymarch.truth import floor_evaluations as floor_evaluations
     from raymarch.truth import raycast as raycast
     from raymarch.truth import truth as truth
 
@@ -53,13 +57,14 @@ _SEARCHED = ("raymarch.errors", "raymarch.expr.maths", "raymarch.sdf", "raymarch
 
 _MODULES = {
     "raymarch.cluster.frames": "render_frames",
+    "raymarch.cost": "RaySamples plot_ray ray_samples",
     "raymarch.export": "export triangulate",
     "raymarch.export.notebook": "show",
     "raymarch.gpu": "Frame Renderer render",
     "raymarch.gpu.probe": "Probe probe",
     "raymarch.gpu.slices": "Slice",
     "raymarch.proof": "Proof prove",
-    "raymarch.truth": "Hits Truth raycast truth",
+    "raymarch.truth": "Hits Truth floor_evaluations raycast truth",
 }
 attach(
     {

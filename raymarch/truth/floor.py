@@ -16,35 +16,53 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
+from raymarch.expr.calls import checked
 from raymarch.scene.parameter import ParamValue, set_values
-from raymarch.scene.scene import Scene
+from raymarch.scene.scene import Scene, as_scene
+from raymarch.sdf.node import Node
 from raymarch.truth.large import field_of
 from raymarch.truth.rays import camera_rays
+from raymarch.truth.tracer import checked_size
 from raymarch.truth.visibility import is_inside
 
 BISECTIONS = 40
 LIMIT = 20_000
 
 
+@checked
 def floor_evaluations(
-    scene: Scene, size: tuple[int, int] = (160, 90), time: float = 0.0, params: Mapping[str, ParamValue] | None = None
+    scene: Scene | Node,
+    size: tuple[int, int] = (160, 90),
+    time: float = 0.0,
+    params: Mapping[str, ParamValue] | None = None,
 ) -> NDArray[np.int64]:
-    """N*, the least number of field evaluations that decide a single ray, in float64.
+    """N*, the least number of field evaluations by which values alone decide a ray, for each pixel, in float64.
 
     Parameters
     ----------
-    scene : a scene whose field is certified ("exact" or "bound"); its Quality defines the hit distance.
+    scene : a Scene, or a solid, whose field is certified ("exact" or "bound"); its Quality defines the hit distance.
     size : (width, height) in pixels.
+    time, params : of the frame, see `render`.
 
     Returns
     -------
-    shape (height, width). 0 for a ray that misses the scene's bounding box between the clip planes. Rays that share
-    work may need fewer.
-    Raises SceneError for a field that is only an estimate.
+    ndarray of int, (height, width)
+        0 for a ray that misses the scene's bounding box between the clip planes. Rays that share work may need fewer,
+        and tracers that know more than values.
+
+    Raises
+    ------
+    SceneError : a field that is only an estimate.
+
+    Examples
+    --------
+    >>> int(rm.floor_evaluations(rm.sphere(), size=(3, 3))[1, 1])
+    2
     """
+    scene = as_scene("floor_evaluations", scene)
     if scene.node.exactness == "estimate":
         raise SceneError("floor_evaluations: the field is only an estimate", legal="a field that is 'exact' or 'bound'")
-    width, height = size
+    width, height = checked_size(size)
     values = set_values(scene.parameters, params, time)
     pose = scene.pose(values, width / height)
     field = field_of(scene, values)

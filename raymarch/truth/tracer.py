@@ -158,7 +158,7 @@ def truth(
     and times, at least 16. All other arrays are those of rays from the centre of the lens at the frame's time.
     """
     scene = as_scene("truth", scene)
-    width, height = _checked_size(size)
+    width, height = checked_size(size)
     for name in outputs:
         if not isinstance(name, str) or name not in OUTPUTS:
             raise SceneError(f"truth: output {short(name)}", legal=", ".join(OUTPUTS))
@@ -303,7 +303,7 @@ def _first_hits_of_camera(
     return found, sides
 
 
-def _checked_size(size: Any) -> tuple[int, int]:
+def checked_size(size: Any) -> tuple[int, int]:
     legal = "(width, height), two integers >= 1"
     if not isinstance(size, tuple | list) or len(size) != 2:
         raise SceneError(f"truth: size = {short(size)}", legal=legal)
