@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from raymarch.proof import Proof as Proof
     from raymarch.proof import prove as prove
     from raymarch.scene import *
+    from raymarch.scene.studio import studio as studio
     from raymarch.sdf import *
     from raymarch.truth import Hits as Hits
     from raymarch.truth import Truth as Truth
@@ -64,6 +65,7 @@ _MODULES = {
     "raymarch.gpu.probe": "Probe probe",
     "raymarch.gpu.slices": "Slice",
     "raymarch.proof": "Proof prove",
+    "raymarch.scene.studio": "studio",
     "raymarch.truth": "Hits Truth floor_evaluations raycast truth",
 }
 attach(

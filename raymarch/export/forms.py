@@ -20,6 +20,7 @@ from raymarch.expr.convert import file_path, integer, numbers, real, short, swit
 from raymarch.files import import_optional, written
 from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.scene import Scene, as_scene
+from raymarch.scene.studio import staged
 from raymarch.sdf.node import Node
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def export(
 
     Parameters
     ----------
-    scene : a Scene, or a node, which is wrapped in one.
+    scene : a Scene, or a node, which is wrapped in one; a page shows it in a studio.
     path : file to write. It is written whole or not at all.
         .glsl, .frag: one fragment shader, GLSL 330 core, with the scene's values as initial values of its uniforms.
             Textures that are too large for constants are arrays of a second file, which ends in .textures.npz. It
@@ -114,6 +115,7 @@ def export(
             mesh_files.WRITERS[suffix](unfinished, made)
         return made
     form = SHADERTOY if shadertoy else TEXTS[suffix]
+    scene = staged(scene) if form == "html" else scene
     module = import_module(f"raymarch.export.text.{form}")
     text = module.text_of(scene, values, **({"still": _still(scene, values)} if form == "html" else {}))
     with written(file) as unfinished:

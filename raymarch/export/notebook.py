@@ -13,6 +13,7 @@ from raymarch.gpu import frame
 from raymarch.gpu.renderer import render
 from raymarch.scene.parameter import set_values
 from raymarch.scene.scene import Scene, check_scene, in_notebook, scene_of
+from raymarch.scene.studio import staged
 from raymarch.sdf.node import Node
 
 SIZE = (400, 300)
@@ -28,15 +29,15 @@ def png(shown: Scene | Node) -> bytes:
 
 
 def as_scene(shown: Scene | Node) -> Scene:
-    """The scene itself, or a default scene of a node."""
+    """The scene itself, or a node in a studio."""
     if not isinstance(shown, Node):
         check_scene("show", shown)
         return shown
     if shown.dimension == 3:
-        return scene_of(shown)
+        return staged(scene_of(shown))
     low, high = shown.bounds
     extent = float(max((high - low)[:2]))
-    return scene_of(shown.extrude(FLAT * extent if 0 < extent < float("inf") else FLAT))
+    return staged(scene_of(shown.extrude(FLAT * extent if 0 < extent < float("inf") else FLAT)))
 
 
 @checked
@@ -45,7 +46,7 @@ def show(scene: Scene | Node, size: tuple[int, int] = (640, 400), time: float = 
 
     Parameters
     ----------
-    scene : a Scene, or a solid in a default one.
+    scene : a Scene, or a solid, which is shown in a studio.
     size : (width, height) in pixels, each from 1 to 4096.
     time, params : initial values.
 

@@ -565,7 +565,7 @@ def render(
 
     A solid alone is shown in a studio: on a ground, under a soft sun and a lit sky, in clay if no part of it has a
     material, with 4 rays per pixel. A solid without end is cut by a cube, with a SceneWarning, if a camera sees it from
-    inside only. `Renderer.render`, `truth` and `raymarch cost` show it without the studio; `Scene(node)` has none.
+    inside only. `studio` makes that scene. `Renderer.render`, `truth` and `raymarch cost` show a solid without it.
 
     For many frames use one `Renderer`, which compiles once. Each of `Frame.doubts` is emitted as a RenderWarning, also
     too many rays that run out of steps.

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from raymarch.errors import warn
+from raymarch.errors import SceneError, warn
+from raymarch.expr.calls import checked
+from raymarch.expr.convert import described
 from raymarch.scene.ambient_occlusion import AmbientOcclusion
 from raymarch.scene.light import Sun
 from raymarch.scene.material import Material
@@ -33,12 +35,41 @@ def in_studio(scene: Scene) -> bool:
     return scene.sky == SKY and scene.occlusion == OCCLUSION
 
 
-def staged(scene: Scene) -> Scene:
-    """The scene of a bare node in a studio: on a ground, under a soft sun and a sky. Any other scene is unchanged.
+@checked
+def studio(solid: Node) -> Scene:
+    """The scene in which `render` and the window show a solid alone, to start from.
 
-    A solid that has no end and that no camera sees from outside is cut by a cube.
+    A ground below it, a soft sun, a lit sky, ambient occlusion, 4 rays per pixel, and clay if no part of it has a
+    material. A solid without end has no ground; it is cut by a cube, with a SceneWarning, if a camera sees it from
+    inside only.
+
+    Parameters
+    ----------
+    solid : a node of three dimensions.
+
+    Returns
+    -------
+    Scene
+        Its parts are those of any scene: `replace` states others.
+
+    Raises
+    ------
+    SceneError : no solid, or a flat one.
+
+    Examples
+    --------
+    >>> scene = rm.studio(rm.torus()).replace(lights=[rm.Sun((1, 2, 1), shadow=True)])
     """
-    if not scene.of_a_node:
+    if not isinstance(solid, Node):
+        raise SceneError(f"studio of {described(solid)}", legal="a solid")
+    made = staged(scene_of(solid))
+    made._set(of_a_node=False)
+    return made
+
+
+def staged(scene: Scene) -> Scene:
+    """The scene of a bare node in a studio, see `studio`. Any other scene, and one in a studio, is unchanged."""
+    if not scene.of_a_node or in_studio(scene):
         return scene
     where, framed = scene.node.where, scene.framed
     if framed is not None and framed.cube:
@@ -61,7 +92,7 @@ def staged(scene: Scene) -> Scene:
         occlusion=OCCLUSION,
         quality=Quality(samples=SAMPLES),
     )
-    made._set(where=where)
+    made._set(where=where, of_a_node=True)
     return made
 
 

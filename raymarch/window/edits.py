@@ -175,7 +175,7 @@ class Edits:
             lines.append(f"quality = scene.quality.replace({', '.join(parts)})")
             given.append("quality=quality")
         if lines and scene.of_a_node:
-            lines.insert(0, "scene = rm.Scene(scene)")
+            lines.insert(0, "scene = rm.studio(scene)")
         if given:
             lines.append(f"scene = scene.replace({', '.join(given)})")
         return "\n".join(lines)

@@ -17,6 +17,7 @@ from raymarch.gpu.prepare import Prepared, prepare
 from raymarch.plan.device import SOFTWARE, DeviceClass
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
+from raymarch.scene.studio import staged
 from raymarch.window.constants import Constants
 from raymarch.window.news import Failed, Fault, Loaded, News, Started, Watching
 from raymarch.window.sent import packed, unpacked
@@ -186,7 +187,7 @@ def _load(
     scene = unpacked(sent)
     if scene is None:
         with contextlib.redirect_stdout(io.StringIO()):  # the trial has printed it already
-            scene = load(file)
+            scene = staged(load(file))
     middle = time.perf_counter()
     prepared = prepare(progressive(scene), size=size, device=device)
     return scene, prepared, {"import": 1e3 * (middle - start), "plan": 1e3 * (time.perf_counter() - middle)}

@@ -33,6 +33,7 @@ from raymarch.gpu.renderer import Renderer
 from raymarch.plan.device import SOFTWARE, of_name
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
+from raymarch.scene.studio import staged
 from raymarch.sdf import box, sphere
 from raymarch.window.constants import CLICKED, Constants
 from raymarch.window.news import Fault
@@ -125,7 +126,7 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
         read.update(dict.fromkeys(request.get("read", ())))
         try:
             with _limited_memory(), _timed(times, "import"):
-                base = unpacked(request.get("packed")) or load(scene)
+                base = unpacked(request.get("packed")) or staged(load(scene))
             found, sent = progressive(base), None if request.get("packed") else packed(base)
             size, device = tuple(request["size"]), of_name(request.get("device", SOFTWARE.name))
             with _timed(times, "plan"):

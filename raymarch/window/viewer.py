@@ -16,6 +16,7 @@ from raymarch.gpu.screen import Screen
 from raymarch.gpu.views import VIEWS
 from raymarch.gpu.views import picture as picture_of
 from raymarch.scene.file import load
+from raymarch.scene.studio import staged
 from raymarch.window import commands as do
 from raymarch.window import control, editor, toolkit
 from raymarch.window.accuracy import Stop, preset_stops
@@ -108,7 +109,7 @@ class Viewer:
         quality: str | None = None,
     ) -> None:
         with recorded() as self._read:
-            scene = load(file)
+            scene = staged(load(file))
         chosen = [stop.changes(scene.quality) for stop in preset_stops() if stop.name == quality]
         edits = Edits(quality=chosen[0]) if chosen else None
         state = opened(file, scene, params or {}, size[0] / size[1], edits)

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import raymarch as rm
+from raymarch.export import notebook
+from raymarch.plan.device import SOFTWARE
 from raymarch.scene.scene import scene_of
 from raymarch.scene.studio import CLAY, GROUND, staged
+from raymarch.window import reload
+from raymarch.window.edits import Edits
 
 SIZE = (64, 36)
 
@@ -28,6 +33,33 @@ def test_what_is_stated_is_not_staged() -> None:
     assert staged(scene) is scene
     red = rm.Material(color="red")
     assert CLAY not in staged(scene_of(rm.sphere().material(red) | rm.box())).materials
+
+
+def test_the_studio_is_a_scene_to_start_from() -> None:
+    solid = rm.torus()
+    made = rm.studio(solid)
+    assert made == staged(scene_of(solid)) and staged(made) is made
+    assert made.replace(lights=[]).lights == () and made.where == solid.where
+    for wrong in (3, made, rm.circle()):
+        with pytest.raises(rm.SceneError):
+            rm.studio(wrong)
+
+
+def test_windows_pages_and_pictures_show_the_same(tmp_path: Path) -> None:
+    file = tmp_path / "ball.py"
+    file.write_text("import raymarch as rm\nscene = rm.sphere()\n")
+    loaded, _, _ = reload._load(file, SIZE, None, SOFTWARE)
+    assert loaded == staged(scene_of(rm.sphere())) == notebook.as_scene(rm.sphere())
+    rm.export(rm.sphere(), tmp_path / "ball.html")
+    assert str(GROUND.color.data[0]) in (tmp_path / "ball.html").read_text()
+
+
+def test_edits_of_a_solid_alone_are_lines_that_run() -> None:
+    base = staged(scene_of(rm.sphere()))
+    lines = Edits(quality={"samples": 2}).python(base, {})
+    names = {"rm": rm, "scene": rm.sphere()}
+    exec(lines, names)
+    assert names["scene"] == base.replace(quality=base.quality.replace(samples=2))
 
 
 def test_an_endless_solid_is_cut_with_a_word() -> None:
