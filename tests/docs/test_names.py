@@ -88,7 +88,7 @@ def test_a_parameter_has_the_word_of_the_table() -> None:
     assert known["angle"] == {"arc", "capped_torus", "pie", "Node.rotate"}
     assert known["softness"] == {"Light", "Sun", "SunSky.sun"}
     assert known["rounding"] == {"rounded_box", "rounded_cylinder", "rounded_rectangle"}
-    assert known["direction"] == {"DirectionSample", "Node.orient", "RectLight", "SpotLight", "Truth"}
+    assert known["direction"] == {"DirectionSample", "Node.orient", "RaySamples", "RectLight", "SpotLight", "Truth"}
 
 
 @pytest.mark.parametrize("name", [name for name, each in vars(rm.sdf).items() if name in rm.__all__ and callable(each)])
