@@ -15,9 +15,10 @@ import numpy as np
 from raymarch.expr.arrays import bound
 from raymarch.expr.evaluate import Program
 from raymarch.expr.walk import topological
-from raymarch.proof.enclosure import ENCLOSURES, Span, stretches
+from raymarch.proof.enclosure import ENCLOSURES
 from raymarch.proof.rays import Rays
 from raymarch.proof.rounding import Array, Interval, up
+from raymarch.proof.span import Span, stretches
 from raymarch.scene.parameter import Values
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node

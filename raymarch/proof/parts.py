@@ -18,10 +18,11 @@ from raymarch.expr.function import Function
 from raymarch.expr.node import Expr
 from raymarch.expr.types import STATE
 from raymarch.expr.walk import find, topological
-from raymarch.proof.enclosure import ENCLOSURES, SOLVED, Span, constant, jumping, stretches
+from raymarch.proof.enclosure import ENCLOSURES, SOLVED
 from raymarch.proof.facts import OURS
 from raymarch.proof.rays import Boxes, Rays, Stretch, Whole
 from raymarch.proof.rounding import Array, Interval, up
+from raymarch.proof.span import Span, constant, jumping, stretches
 from raymarch.scene.parameter import Values
 from raymarch.sdf.labels import rows_of
 from raymarch.sdf.lower import Lowering

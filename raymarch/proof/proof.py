@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -17,22 +17,15 @@ from raymarch.expr.calls import checked
 from raymarch.expr.convert import numbers, short, switch
 from raymarch.gpu.renderer import Renderer
 from raymarch.proof.facts import wrong_facts
-from raymarch.proof.parts import Operands
 from raymarch.proof.pixels import coverage
-from raymarch.proof.rays import Rays
-from raymarch.proof.search import CONTRADICTED, OPEN, PROVED, Given, Verdict, judge
+from raymarch.proof.rays import Whole
+from raymarch.proof.reported import Reported, Solid
+from raymarch.proof.search import CONTRADICTED, OPEN, PROVED
 from raymarch.proof.shadows import Lit, Shadows, hard_lights, lit_pixels, shadows_of
-from raymarch.scene.camera import Pose
 from raymarch.scene.legal import warn_of_values
 from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.scene import Scene, as_scene
 from raymarch.sdf.node import Node
-
-SHORTEST = 2.0**-16
-"""Length of a stretch that is not halved, in tolerances."""
-
-TILE = 1 << 14
-"""Rays that are judged together."""
 
 COLORS = {PROVED: (58, 110, 84), CONTRADICTED: (214, 40, 40), OPEN: (240, 190, 60)}
 
@@ -57,7 +50,7 @@ class Proof:
     reasons : what kept pixels open, with their number.
     tolerance : the tolerance as it was given.
     wrong_facts : facts of definitions that are certainly wrong, each with the definition's file and line. Asked are the
-        user's definitions, and all if a pixel is contradicted.
+        user's definitions, and all if a pixel is contradicted. They are sought when this is first read.
     coverage : with `pixels="whole"`, two arrays (H, W), 0 to 1: the least and the greatest part of each pixel that the
         solid covers; else None.
     assumed : constants of definitions that the proof relies on: those of shapes that solve an equation in a loop.
@@ -74,9 +67,17 @@ class Proof:
     reasons: Mapping[str, int]
     tolerance: str = field(default="0.05px")
     assumed: tuple[str, ...] = ()
-    wrong_facts: tuple[str, ...] = ()
     coverage: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
     shadows: tuple[Shadows, ...] = ()
+    _asked: tuple[Node, Values] | None = None
+
+    @cached_property
+    def wrong_facts(self) -> tuple[str, ...]:
+        return () if self._asked is None else wrong_facts(*self._asked, every=bool(self.contradicted))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Plain data: a pickled proof knows the wrong facts, not the scene."""
+        return {**vars(self), "wrong_facts": self.wrong_facts, "_asked": None}
 
     @property
     def share(self) -> float:
@@ -231,49 +232,46 @@ def prove(
         with Renderer(size) as renderer:
             frame = renderer.render(scene, time or 0.0, params, outputs=("depth",))
     depth = _depths(frame)
-    height, width = depth.shape
-    at = time if time is not None else float(getattr(frame, "time", 0.0))
+    shape, at = depth.shape, time if time is not None else float(getattr(frame, "time", 0.0))
     values = set_values(scene.parameters, params, at, scene.where)
     warn_of_values(scene.node, values.params, values.time)
-    pose = scene.pose(values, width / height)
-    rays = _rays(pose, (width, height))
-    hit = depth.ravel()
-    far = scene.far(pose, values)
-    rate = rays.directions @ pose.view
-    start = pose.near / rate if pose.near > 0.0 else np.zeros(hit.shape)
-    end = np.minimum(far, pose.far / rate)
-    reach = np.where(np.isfinite(hit), hit, end) if not pose.orthographic else np.ones(hit.shape)
-    allowed = np.full(hit.shape, length) if share is None else share * pose.pixel(height) * reach
-    operands = Operands(scene.node, values, "camera", whole=False)
-    verdict, reasons = _verdict(operands, scene.node, values, rays, start, end, hit, allowed, progress)
-    shape = (height, width)
+    pose = scene.pose(values, shape[1] / shape[0])
+    reported = Reported.of(scene, values, pose, shape[::-1], depth.ravel(), (share, length))
+    solid = Solid(scene.node, values)
+    verdict, reasons, inside = reported.proved(solid, progress)
     cast: tuple[Shadows, ...] = ()
     if switch("prove: shadows", shadows):
-        proved = np.flatnonzero((verdict.state == PROVED) & np.isfinite(hit) & ~operands.holds(rays, start))
-        points = rays.origins[proved] + hit[proved, None] * rays.directions[proved]
-        lit = Lit.seen(scene.node, values, points, rays.directions[proved], allowed[proved], proved)
+        lit = _lit(scene, values, reported, np.flatnonzero((verdict.state == PROVED) & ~inside))
         lights = hard_lights(scene, values)
-        pictures = [(i, lit_pixels(scene, scene.lights[i], (width, height), at, params)) for i in lights]
-        cast = shadows_of(scene, values, far, lit, pictures)
+        pictures = [(i, lit_pixels(scene, scene.lights[i], shape[::-1], at, params)) for i in lights]
+        cast = shadows_of(scene, values, scene.far(pose, values), lit, pictures)
     covered = None
     if pixels == "whole":
-        near = _least_beside(np.minimum(depth, end.reshape(shape)))
-        covered = coverage(operands, pose, (width, height), near, start.reshape(shape), end.reshape(shape))
+        start, end = reported.start.reshape(shape), reported.end.reshape(shape)
+        covered = coverage(solid.outside, pose, shape[::-1], _least_beside(np.minimum(depth, end)), start, end)
     return Proof(
         state=verdict.state.reshape(shape),
         grazing=(verdict.grazing & (verdict.state == PROVED)).reshape(shape),
         low=verdict.low.reshape(shape),
         high=verdict.high.reshape(shape),
         depth=depth,
-        within=allowed.reshape(shape),
+        within=reported.within.reshape(shape),
         evaluations=verdict.evaluations.reshape(shape),
         reasons=reasons,
         tolerance=text,
-        assumed=operands.assumed,
+        assumed=solid.outside.assumed,
         coverage=covered,
         shadows=cast,
-        wrong_facts=wrong_facts(scene.node, values, every=bool(np.any(verdict.state == CONTRADICTED))),
+        _asked=(scene.node, values),
     )
+
+
+def _lit(scene: Scene, values: Values, reported: Reported, proved: Whole) -> Lit:
+    """The hits of proved pixels, from which rays to lights start."""
+    proved = proved[np.isfinite(reported.hit[proved])]
+    rays = reported.rays[proved]
+    points = rays.origins + reported.hit[proved, None] * rays.directions
+    return Lit.seen(scene.node, values, points, rays.directions, reported.within[proved], proved)
 
 
 def _least_beside(depth: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -305,48 +303,3 @@ def _depths(frame: Any) -> NDArray[np.float64]:
         bad = "NaN" if np.isnan(depth).any() else "below 0"
         raise SceneError(f"prove: {int((~(depth >= 0.0)).sum()):,} depths are {bad}", legal=legal)
     return depth
-
-
-def _rays(pose: Pose, size: tuple[int, int]) -> Rays:
-    origins, directions = (
-        np.ascontiguousarray(v.reshape(-1, 3)) for v in pose.rays(np.arange(size[0]), np.arange(size[1])[:, None], size)
-    )
-    return Rays(origins, directions)
-
-
-def _verdict(
-    outside: Operands,
-    node: Node,
-    values: Values,
-    rays: Rays,
-    start: NDArray[np.float64],
-    end: NDArray[np.float64],
-    hit: NDArray[np.float64],
-    within: NDArray[np.float64],
-    progress: Callable[[float], None] | None,
-) -> tuple[Verdict, dict[str, int]]:
-    """The verdicts of the rays that start outside of the solid, and of those that start inside, which seek the exit."""
-    inside = outside.holds(rays, start)
-    result, reasons, done = Verdict.unknown(start), Counter[str](), 0
-    for held in (False, True):
-        chosen = np.flatnonzero(inside == held)
-        if not len(chosen):
-            continue
-        operands = Operands(node, values, "camera", whole=True) if held else outside
-        for first in range(0, len(chosen), TILE):
-            rows = chosen[first : first + TILE]
-            own = within[rows]
-            part = Given(operands, rays[rows], start[rows], end[rows], hit[rows], own, SHORTEST * own)
-            found = judge(part, None if progress is None else _after(progress, done, len(rows), len(hit)))
-            done += len(rows)
-            reasons.update(operands.reasons(part.rays, found.left, found.state == OPEN))
-            for name in ("state", "grazing", "low", "high", "evaluations"):
-                getattr(result, name)[rows] = getattr(found, name)
-            if progress is not None:
-                progress(done / len(hit))
-    return result, dict(reasons.most_common())
-
-
-def _after(progress: Callable[[float], None], done: int, count: int, whole: int) -> Callable[[float], None]:
-    """The progress of `count` rays after others."""
-    return lambda share: progress((done + share * count) / whole)

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.proof.enclosure import Span
 from raymarch.proof.rounding import Array, Interval, add, mul
+from raymarch.proof.span import Span
 
 Whole = NDArray[np.int64]
 

@@ -13,8 +13,9 @@ from raymarch.expr.evaluate import Program
 from raymarch.expr.node import Expr, var
 from raymarch.expr.types import VEC3
 from raymarch.expr.walk import find
-from raymarch.proof.enclosure import ENCLOSURES, Span, jumping, stretches
+from raymarch.proof.enclosure import ENCLOSURES
 from raymarch.proof.rays import Rays
+from raymarch.proof.span import Span, jumping, stretches
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
 from tests.support.node_samples import NodeSample, samples

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+import pickle
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import raymarch as rm
+from raymarch.proof import proof as module
 from raymarch.proof.facts import wrong_facts
 from raymarch.scene.parameter import Values
 from raymarch.sdf.definition import cube
@@ -102,3 +105,13 @@ def test_a_proof_names_wrong_facts() -> None:
     found = rm.prove(scene, size=(16, 9))
     assert "Lipschitz constant 1 is wrong: the field rises by 2" in found.wrong_facts[0]
     assert math.isclose(found.share, np.mean(found.state == 0)) and found.as_dict()["wrong_facts"]
+
+
+def test_facts_are_sought_when_they_are_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+    monkeypatch.setattr(module, "wrong_facts", lambda node, values, every: asked.append(every) or ("a fact",))
+    ball = rm.Scene(rm.sphere(), camera=rm.Camera((0, 0, 4)))
+    found = rm.prove(ball, SimpleNamespace(depth=np.full((2, 2), 1.0)))
+    assert found.contradicted == 4 and asked == []
+    again = pickle.loads(pickle.dumps(found))
+    assert again.wrong_facts == found.wrong_facts == ("a fact",) and asked == [True]

@@ -12,18 +12,11 @@ import pytest
 
 import raymarch as rm
 from raymarch.errors import SceneError
-from raymarch.proof import proof as proof_module
 from raymarch.scene.parameter import Values
 from raymarch.sdf.definition import cube
 from raymarch.sdf.domain import Positive
 
 SIZE = (48, 27)
-
-
-@pytest.fixture(autouse=True)
-def no_search_for_wrong_facts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It takes seconds where a pixel is contradicted; tests/proof/test_facts.py tests it."""
-    monkeypatch.setattr(proof_module, "wrong_facts", lambda *given, **options: ())
 
 
 BOX = (rm.box((1.6, 1.6, 1.6)).round(0.1) - rm.sphere(1.1)).rotate(0.6, "y").translate((-1.3, 0, 0))

@@ -18,12 +18,6 @@ from raymarch.proof.shadows import NOT_ASKED, lit_pixels
 SIZE = (32, 18)
 
 
-@pytest.fixture(autouse=True)
-def no_search_for_wrong_facts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It takes seconds where a pixel is contradicted; tests/proof/test_facts.py tests it."""
-    monkeypatch.setattr(module, "wrong_facts", lambda *given, **options: ())
-
-
 CAMERA = rm.Camera((1.0, 1.5, 4.0), (0, 0.4, 0))
 SUN, LAMP = rm.Sun((-0.6, 1.0, -0.9), shadow=True), rm.PointLight((-1.0, 1.6, 1.0), shadow=True)
 
