@@ -21,7 +21,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         *("value_noise", "gradient_noise", "worley", "fbm", "turbulence", "ridged"),
         *("hash", "colormap"),
     ),
-    "Your own parts": ("shape", "operator", "Node", "DirectionSample", "Texture"),
+    "Your own parts": ("shape", "operator", "Node", "DirectionSample", "TracerState", "Texture"),
     "Errors": tuple(errors.__all__),
 }
 """Headings, and the public names below each."""
@@ -36,7 +36,7 @@ METHODS: dict[str, tuple[str, ...]] = {
 }
 """The methods of a class that are listed."""
 
-MADE_BY_OTHERS = ("Frame", "Truth", "Hits", "RaySamples", "Proof", "Probe", "Texture", "Node")
+MADE_BY_OTHERS = ("Frame", "TracerState", "Truth", "Hits", "RaySamples", "Proof", "Probe", "Texture", "Node")
 """Classes whose instances other functions return."""
 
 ENTRY = re.compile(r"^(\w+(?:, \w+)*) : (.*)$")

@@ -15,6 +15,7 @@ from raymarch.plan.marching import PIXEL, SCHEDULES, Marching, refined, unmarche
 from raymarch.plan.plan import Plan, marched_otherwise, plan
 from raymarch.scene.quality import PRESETS, Quality
 from raymarch.scene.scene import Scene
+from raymarch.scene.tracer import OwnTracer
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +127,7 @@ def grid(scene: Scene, chosen: Iterable[Axis], size: tuple[int, int] | None = No
         made = Setting(name, base.to_preset(name))
         meant = _meant(scene, made, size)
         found[meant] = replace(found.get(meant, made), preset=name)
-    for change in _changes(list(chosen)):
+    for change in _changes([_with_own(axis, base) for axis in chosen]):
         try:
             made = setting(base, change)
             meant = _meant(scene, made, size)
@@ -134,6 +135,12 @@ def grid(scene: Scene, chosen: Iterable[Axis], size: tuple[int, int] | None = No
             continue
         found.setdefault(meant, made)
     return list(found.values())
+
+
+def _with_own(axis: Axis, base: Quality) -> Axis:
+    """The axis of tracers with the tracer of the scene itself, if that is a function."""
+    own = axis.name == "tracer" and isinstance(base.tracer, OwnTracer)
+    return replace(axis, values=(*axis.values, base.tracer)) if own else axis
 
 
 def _changes(chosen: Sequence[Axis]) -> list[dict[str, Any]]:

@@ -15,6 +15,7 @@ from raymarch.expr.function import Function
 from raymarch.expr.operations import operations as count_operations
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
+from raymarch.scene.tracer import OwnTracer
 from raymarch.sdf.advance import DEEPEST, OnlyDistance, implicit_nodes, readable
 from raymarch.sdf.levels import flatness_by_facts, has_levels, may_touch
 
@@ -210,7 +211,7 @@ def _choose_tracer(scene: Scene, certified: bool, refines: bool) -> tuple[str, s
         return "advance", "an implicit surface is known along stretches of a ray"
     if asked == "auto":
         return "bracketing", "the field is certified, so a step longer than the distance can be checked"
-    return asked, f"Quality(tracer={asked!r})"
+    return str(asked) if not isinstance(asked, OwnTracer) else asked, f"Quality(tracer={asked!r})"
 
 
 FLATTEST = 16.0
@@ -336,7 +337,8 @@ def choices(
     called = ", ".join(name for name, used in calls.items() if used)
     reason = f"Camera({called})" if called else f"Quality(rays={quality.rays!r})"
     given = {"view/camera" + "_interpolated" * interpolated(scene): reason}
-    tracer = "free" if marching.free else MODULES.get(marching.tracer, marching.tracer)
+    own_step = isinstance(marching.tracer, OwnTracer)
+    tracer = "own" if own_step else "free" if marching.free else MODULES.get(marching.tracer, marching.tracer)
     found = {
         **(own if standalone else given),
         "march/widths": f"a ray refines its hit within {epsilon:g} pixel widths of a surface",

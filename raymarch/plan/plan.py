@@ -47,6 +47,7 @@ from raymarch.scene.parameter import Spec
 from raymarch.scene.post import PostEffect
 from raymarch.scene.quality import CONTACT, Quality
 from raymarch.scene.scene import Scene, all_nodes, check_scene
+from raymarch.scene.tracer import OwnTracer
 from raymarch.sdf.advance import STRETCH
 from raymarch.sdf.levels import flatness, moved_otherwise
 from raymarch.sdf.lower import Lowering
@@ -218,6 +219,12 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
     def advance(self) -> Function | None:
         """The function that tells how far a ray is free; None if the tracer does not ask it."""
         return self.advancing(False) if self.marching.tracer == "advance" else None
+
+    @property
+    def own_step(self) -> Function | None:
+        """The function of a tracer that the scene defines itself; see `raymarch.scene.tracer`."""
+        tracer = self.marching.tracer
+        return tracer.step if isinstance(tracer, OwnTracer) else None
 
     @cached_property
     def stretched(self) -> bool:

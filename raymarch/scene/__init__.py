@@ -15,6 +15,7 @@ from raymarch.scene.scene import Scene
 from raymarch.scene.sky import GradientSky, ImageSky, Sky, SunSky
 from raymarch.scene.texture import Texture, planar, triplanar
 from raymarch.scene.tone import ToneMapping
+from raymarch.scene.tracer import TracerState
 
 __all__ = [
     "AmbientOcclusion",
@@ -38,6 +39,7 @@ __all__ = [
     "SunSky",
     "Texture",
     "ToneMapping",
+    "TracerState",
     "checker",
     "colormap",
     "grid_lines",

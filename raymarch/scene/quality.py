@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Self
 
 from raymarch.conveniences import carried_out_by
 from raymarch.errors import SceneError
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import choice, integer, optional, real, switch
+from raymarch.scene.tracer import OwnTracer, TracerState
 from raymarch.scene.value import Value, value
 
 TRACERS = ("auto", "plain", "relaxed", "relaxed_again", "enhanced", "auto_relaxed", "bracketing", "advance")
@@ -84,6 +85,8 @@ class Quality(Value):
         - "auto_relaxed": step length from an averaged slope (Bán and Valasek 2023).
         - "bracketing": as "auto_relaxed", and the empty sphere of a step that was too long is kept.
         - "advance": as far as the ray is known to be free: by the tangent of each convex solid, else by the distance.
+        - a function of a `TracerState`: the length of the next step, or (length, memory). A step that may have passed a
+          surface is undone, whatever the function returns. Not with `steps_per_pass`.
 
         A field that is only an estimate is marched with "plain", unless `assume_certified` is set. If it is negative
         inside of its solid, "auto" and "bracketing" march it with "bracketing": by at most a pixel more than its value.
@@ -162,7 +165,7 @@ class Quality(Value):
     """
 
     BELONGS: ClassVar[str] = "Scene(quality=...)"
-    tracer: str = "auto"
+    tracer: str | Callable[[TracerState], Any] = "auto"
     max_steps: int = 512
     epsilon: float | None = None
     normals: str = "analytic"
@@ -190,8 +193,13 @@ class Quality(Value):
     def __post_init__(self) -> None:
         if isinstance(self.tracer, str) and self.tracer in PRESETS:
             raise SceneError(f"Quality: tracer = {self.tracer!r}", legal=f"rm.Quality.preset({self.tracer!r})")
+        if callable(self.tracer):
+            self._set(tracer=OwnTracer.of(self.tracer))
+        if isinstance(self.tracer, OwnTracer) and self.steps_per_pass is not None:
+            raise SceneError("Quality: steps_per_pass with a tracer of your own", legal="all steps in one pass")
+        chosen = {n: legal for n, legal in _CHOICES.items() if not isinstance(getattr(self, n), OwnTracer)}
         self._set(
-            **{n: choice(f"Quality: {n}", getattr(self, n), legal) for n, legal in _CHOICES.items()},
+            **{n: choice(f"Quality: {n}", getattr(self, n), legal) for n, legal in chosen.items()},
             **{n: optional(integer, f"Quality: {n}", getattr(self, n), *ends) for n, ends in _WHOLE.items()},
             **{n: optional(real, f"Quality: {n}", getattr(self, n), *ends) for n, ends in _WITHIN.items()},
             **{n: switch(f"Quality: {n}", getattr(self, n)) for n in ("assume_certified", "energy_compensation")},

@@ -312,7 +312,16 @@ def expression_functions(plan: Plan) -> list[Function]:
 def _roots(plan: Plan, values: Values) -> list[Function]:
     """The functions of expressions that modules and generated code call. A standalone shader computes all values."""
     optional = (
-        *(plan.advance, plan.gradient, plan.material, plan.relief, plan.emission, plan.glass, plan.material_index),
+        *(
+            plan.advance,
+            plan.own_step,
+            plan.gradient,
+            plan.material,
+            plan.relief,
+            plan.emission,
+            plan.glass,
+            plan.material_index,
+        ),
         *(plan.analytic.hit, plan.analytic.rest, plan.analytic.solved_distance),
     )
     mapped = (footprint_axis, shading_normal) if plan.relief is not None else ()

@@ -108,6 +108,8 @@ class Editors:
         now, quality = model.state.edits, model.state.scene.quality
         new: dict[str, Any] = {}
         for name, choices in CHOICES.items():
+            if getattr(quality, name) not in choices:
+                choices = (*choices, getattr(quality, name))  # a tracer of the scene's own
             chosen = self._fields.choice(name, choices, getattr(quality, name), f"quality {name}")
             if chosen != getattr(quality, name):
                 new |= {name: chosen, **({"omega": None} if name == "tracer" else {})}

@@ -20,7 +20,17 @@ PUBLIC = {
     for name, each in {**FUNCTIONS, **METHODS}.items()
     if not (inspect.isclass(each) and issubclass(each, Exception))
 }
-MADE_BY_OTHERS = {"rm.Node", "rm.Frame", "rm.Truth", "rm.Hits", "rm.RaySamples", "rm.Probe", "rm.Proof", "rm.cost"}
+MADE_BY_OTHERS = {
+    "rm.Node",
+    "rm.Frame",
+    "rm.Truth",
+    "rm.Hits",
+    "rm.RaySamples",
+    "rm.TracerState",
+    "rm.Probe",
+    "rm.Proof",
+    "rm.cost",
+}
 EXAMPLES = sorted(name for name, text in PUBLIC.items() if ">>>" in text)
 
 
