@@ -109,7 +109,18 @@ def test_a_type_error_with_another_cause_stays() -> None:
         run(Own(), 1)
 
 
-MADE_ELSEWHERE = {"DirectionSample", "Frame", "Hits", "Node", "Probe", "Proof", "Truth", "value_noise"}
+MADE_ELSEWHERE = {
+    "DirectionSample",
+    "Frame",
+    "Hits",
+    "Node",
+    "Probe",
+    "Proof",
+    "Truth",
+    "RaySamples",
+    "TracerState",
+    "value_noise",
+}
 """What users do not call, or call with expressions alone."""
 
 

@@ -217,6 +217,7 @@ NEEDED: dict[str, dict[str, Any]] = {
     "sampled": {"values": BALL},
     "colormap": {"value": 0.5},
     "Slice": {"normal": (0, 1, 0)},
+    "floor_evaluations": {"scene": rm.box(1), "size": (4, 3)},
     "raycast": {"scene": rm.box(1), "origins": (0, 0, 5), "directions": (0, 0, -1)},
 }
 NEEDED |= {name: {"x": 0.5} for name in "acos asin atan ceil cos cosh exp exp2 floor fract log log2 sign sin".split()}
@@ -241,6 +242,8 @@ UNCALLED = {
     "Frame",
     "Truth",
     "Hits",
+    "RaySamples",
+    "TracerState",
     "Probe",
     "Proof",
     "Texture",
@@ -253,7 +256,7 @@ UNCALLED = {
     "__version__",
 }
 """Names that are no function that takes values, or that are made by others; those with a device are tried with one."""
-WITH_DEVICE = {"Renderer", "render", "render_frames", "probe", "prove", "truth"}
+WITH_DEVICE = {"Renderer", "render", "render_frames", "probe", "prove", "truth", "ray_samples", "plot_ray"}
 
 
 def calls() -> Iterator[Call]:
