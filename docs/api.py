@@ -13,7 +13,7 @@ from raymarch.expr import maths
 HERE = Path(__file__).parent
 
 SECTIONS: dict[str, tuple[str, ...]] = {
-    "Pictures": ("render", "studio", "Renderer", "Frame", "show", "Slice"),
+    "Pictures": ("render", "studio", "Renderer", "Frame", "show", "figure", "Slice"),
     "Reference and proof": ("truth", "Truth", "raycast", "Hits", "prove", "Proof", "probe", "Probe"),
     "One ray": ("plot_ray", "ray_samples", "RaySamples", "floor_evaluations"),
     "Files": ("export", "triangulate", "render_frames"),

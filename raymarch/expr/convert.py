@@ -141,6 +141,13 @@ def numbers(what: str, value: Any, legal: str) -> NDArray[np.float64]:
     raise SceneError(f"{what} = {short(value)}", legal=legal)
 
 
+def numbers_or_missing(what: str, value: Any, legal: str) -> NDArray[np.float64]:
+    """Convert to a float64 array, in which masked elements are NaN."""
+    if np.ma.isMaskedArray(value):
+        return np.ma.filled(value.astype(np.float64), np.nan)
+    return numbers(what, value, legal)
+
+
 def _holds_integers(array: NDArray[Any]) -> bool:
     """True for integers that exceed NumPy's types."""
     return all(isinstance(item, int) and not isinstance(item, bool) for item in array.flat)

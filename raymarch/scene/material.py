@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError, warn
+from raymarch.expr.calls import checked
 from raymarch.expr.convert import plain, short
 from raymarch.expr.node import Expr, Operand, expr
 from raymarch.expr.types import vector
@@ -219,6 +220,31 @@ class Material(Value):
             _given={**kept, **others},
             _known={},
         )
+
+    @classmethod
+    @checked
+    def unlit(cls, color: ColorOrTexture) -> Material:
+        """A material of one's own colours in every light: it emits its colour and reflects nothing.
+
+        Parameters
+        ----------
+        color : linear RGB, each >= 0; a texture or a function of the point.
+
+        Returns
+        -------
+        Material
+            Fog and the tone curve apply to it as to all surfaces. Scenes with `bounces` are lit by it.
+
+        Raises
+        ------
+        SceneError : a negative colour.
+
+        Examples
+        --------
+        >>> rm.Material.unlit("gold").emission == rm.Material(emission="gold").emission
+        True
+        """
+        return cls(color=(0.0, 0.0, 0.0), specular=0.0, ambient=0.0, emission=color)
 
     def arguments(self) -> dict[str, Any]:
         return dict(self._given)

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from raymarch.errors import SceneError, warn
 from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.calls import checked
-from raymarch.expr.convert import numbers, short
+from raymarch.expr.convert import numbers, numbers_or_missing, short
 from raymarch.expr.function import sum_of
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, expr
@@ -152,6 +152,7 @@ def isosurface(
     ----------
     values : shape (nx, ny, nz), each 2 to 2048: values[i, j, k] is that at the i-th x, j-th y and k-th z, in any unit.
         The outermost samples lie on the faces of the box. Where they are above the level, the solid ends at the box.
+        Where a value is missing, NaN or masked, nothing is solid: it counts as the least value.
     level : a number in the unit of the values, or an expression of a `Param` with min and max, which changes without a
         recompile. `isosurface(-values, -level)` is the solid below a level.
     size : full extents of the box, numbers > 0.
@@ -170,7 +171,8 @@ def isosurface(
     A bound. The values are mapped by an increasing function, so that each level has the slope 1 where it is steepest;
     then they are interpolated linearly. So a density that decays far away is marched as fast there as near its peak.
     """
-    array = finite_grid("isosurface", values, "numbers")
+    array = finite_grid("isosurface", values, "numbers", missing=True)
+    array = np.where(np.isnan(array), np.nanmin(array), array)
     at = Domain(FLOAT).accept("isosurface", "level", level)
     whole = Domain(VEC3, low=0.0, open=True, stretch=True).accept("isosurface", "size", size)
     if not whole.is_constant:
@@ -202,11 +204,15 @@ def isosurface(
     return solid if _least_on_faces(outside) >= 0.0 else solid & box(extents).translate(center)
 
 
-def finite_grid(what: str, values: ArrayLike, kind: str) -> NDArray[np.float64]:
-    """Values on a grid of three axes, checked."""
-    array = numbers(f"{what}: values", values, f"{kind}, (nx, ny, nz), each 2 to 2048")
+def finite_grid(what: str, values: ArrayLike, kind: str, missing: bool = False) -> NDArray[np.float64]:
+    """Values on a grid of three axes, checked. missing : let NaN and masked values pass, but not all; they are NaN."""
+    convert = numbers_or_missing if missing else numbers
+    array = convert(f"{what}: values", values, f"{kind}, (nx, ny, nz), each 2 to 2048")
     if array.ndim != 3:
         raise SceneError(f"{what}: values of shape {array.shape}", legal="(nx, ny, nz)")
+    if missing and not np.all(np.isnan(array)):
+        refuse_broken(what, np.isinf(array), "values", "finite numbers, and NaN or masked where one is missing")
+        return array
     refuse_broken(what, ~np.isfinite(array), "values", "finite numbers")
     return array
 

@@ -67,7 +67,10 @@ WRONG: dict[str, tuple[Any, str]] = {
     "not finite": (lambda: rm.sampled(np.full((2, 2, 2), np.nan)), "8 of 8 values are not finite"),
     "no size": (lambda: rm.sampled(X, size=0), "sampled: size = 0 "),
     "at a flat point": (lambda: rm.sampled(X)((1, 2)), r"sampled at a vec2 \(points"),
-    "no map": (lambda: rm.colormap(0.5, "jet"), r"colors = 'jet' \('viridis', 'inferno', 'coolwarm', or two or more"),
+    "no map": (
+        lambda: rm.colormap(0.5, "rainbows"),
+        r"colors = 'rainbows' \('viridis', 'inferno', 'coolwarm', a map of matplotlib",
+    ),
     "one colour": (lambda: rm.colormap(0.5, ["red"]), "two or more colours"),
     "no range": (lambda: rm.colormap(0.5, low=1), "low = high = 1 "),
     "text": (lambda: rm.colormap("a"), "colormap: value = 'a'"),

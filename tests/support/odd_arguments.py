@@ -256,7 +256,7 @@ UNCALLED = {
     "__version__",
 }
 """Names that are no function that takes values, or that are made by others; those with a device are tried with one."""
-WITH_DEVICE = {"Renderer", "render", "render_frames", "probe", "prove", "truth", "ray_samples", "plot_ray"}
+WITH_DEVICE = {"Renderer", "render", "render_frames", "probe", "prove", "truth", "ray_samples", "plot_ray", "figure"}
 
 
 def calls() -> Iterator[Call]:
