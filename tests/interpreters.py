@@ -65,8 +65,8 @@ def cases(lowest: bool) -> Iterator[tuple[str, Path, tuple[str, ...]]]:
         name = ".".join(map(str, version))
         if version < LEAST:
             print(f"Python {name} ({file}): raymarch needs {'.'.join(map(str, LEAST))}")
-        elif version == sys.version_info[:3]:
-            print(f"Python {name} ({file}): all tests run on it")
+        elif version[:2] == sys.version_info[:2]:
+            print(f"Python {name} ({file}): all tests run on {'.'.join(map(str, sys.version_info[:3]))}")
         else:
             yield f"Python {name} ({file})", file, ()
     if lowest:

@@ -421,7 +421,7 @@ def test_random_turns(shown: bool, egl: Context, display: str) -> None:
     code = f"""
 from tests.lab.owners import run
 if __name__ == "__main__":
-    count = run(20, seed=3, display={display if shown else None!r}, processes=0.1)
+    count = run(10, seed=3, display={display if shown else None!r}, processes=0.1)
     assert not count.faults, count.faults
     assert count.refused
 """

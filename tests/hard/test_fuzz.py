@@ -29,7 +29,7 @@ def test_there_are_enough() -> None:
 
 
 def test_random_scenes_are_as_promised(world: World) -> None:
-    report = Search(world).batch(1, 10)
+    report = Search(world).batch(1, 5)
     assert report is None, report
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -53,7 +54,14 @@ CHOSEN: list[NodeSample] = [
 parameters may be dust."""
 
 
-@pytest.mark.parametrize("sample", CHOSEN, ids=lambda sample: sample.id)
+def some_long() -> Iterator[Any]:
+    """Every third picture of a definition; the others are long: tests/sdf/test_every_node.py holds the field and the
+    gradient of each on the driver."""
+    for i, sample in enumerate(CHOSEN):
+        yield pytest.param(sample, id=sample.id, marks=[pytest.mark.long] if i % 3 else [])
+
+
+@pytest.mark.parametrize("sample", list(some_long()))
 def test_its_picture_is_true(sample: NodeSample, renderer: Renderer) -> None:
     node = solid(sample.build())
     shown = scene(node)

@@ -85,7 +85,7 @@ def test_the_text_depends_on_the_values_alone(node: Node) -> None:
 
 
 @given(deep_trees)
-@settings(max_examples=25)
+@settings(max_examples=12)
 def test_twins_agree(egl: Context, node: Node) -> None:
     """float32 on the driver against float64; rounding adds up with the depth of the tree."""
     field, points, values = looked_at(node)
