@@ -22,12 +22,12 @@ from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, construct, expr
 from raymarch.expr.vocabulary import abs as absolute
 from raymarch.expr.vocabulary import atan2, cos, length, max, min, mod, round, sin, vec3, where
-from raymarch.sdf.booleans import balanced
+from raymarch.sdf.booleans import balanced, union
 from raymarch.sdf.definition import Child, ChildFacts, around_y, operator
 from raymarch.sdf.domain import Angle, Count, Domain, Scalar, Size3, Vec4, Vector, Whole, as_length
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.node import Node, method, solid
-from raymarch.sdf.placing import rotation_matrix, translate
+from raymarch.sdf.placing import rotate, rotation_matrix, translate
 from raymarch.sdf.repetition import (
     MOST,
     UNBOUNDED,
@@ -158,7 +158,8 @@ def polar(node: Node, count: int = 6) -> Node:
     -----
     Exact for an exact child that stays in its sector without touching the sides of the sector. Evaluates 1 copy of a
     child that is symmetric about the middle of its sector (about z = 0 if it is on the x axis), else 2. A child that
-    extends beyond its sector is evaluated for every copy, and refused if there are more than 24.
+    extends beyond its sector overlaps its neighbours: every copy is evaluated, or for more than 24 copies one or two of
+    each of several rings that interleave. It is refused if no such number of rings divides the number of copies.
     """
     solid("polar", node)
     count = integer("polar: count", count, 1, 65535)
@@ -167,6 +168,10 @@ def polar(node: Node, count: int = 6) -> Node:
     middle, half = _wedge(node.facts)
     fraction = half * count / math.pi
     if fraction >= 1.0 - 1e-9:
+        rings = next((n for n in range(2, MANY + 1) if count % n == 0 and fraction / n < 1.0 - 1e-9), 0)
+        if count > MANY and rings:
+            ring = polar(node, count // rings)
+            return union(*[rotate(ring, -math.tau * i / count, "y") if i else ring for i in range(rings)])
         if count > MANY:
             raise SceneError(
                 f"polar: {node.name} takes {2.0 * half:.4g} radians about the y axis, its sector only "

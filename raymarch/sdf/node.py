@@ -397,12 +397,14 @@ class Node:
         """
         return self._call("transition", other, start, end)
 
-    def extrude(self, height: Scalar = 1.0) -> Node:
+    def extrude(self, height: Scalar = 1.0, scale: Scalar = 1.0, twist: Scalar = 0.0) -> Node:
         """Extrude a flat shape along z, centred.
 
         Parameters
         ----------
         height : full extent along z, a length > 0.
+        scale : factor of the upper end, >= 0.01; the section grows evenly from the lower end, which is not scaled.
+        twist : angle in radians by which the upper end is turned from x towards y, evenly from the lower end.
 
         Returns
         -------
@@ -414,21 +416,22 @@ class Node:
 
         Notes
         -----
-        Exact for an exact shape.
+        Exact for an exact shape without scale and twist, else a bound.
 
         Examples
         --------
         >>> rm.circle(1).extrude(3).bounds[1]
         array([1. , 1. , 1.5])
         """
-        return self._call("extrude", height)
+        return self._call("extrude", height, scale, twist)
 
-    def revolve(self, offset: Scalar = 0.0) -> Node:
+    def revolve(self, offset: Scalar = 0.0, angle: Scalar = 2.0 * np.pi) -> Node:
         """Revolve a flat shape about the y axis, after moving it along +x.
 
         Parameters
         ----------
         offset : the motion along +x, a length >= 0.
+        angle : of the whole turn in radians, half of it on either side of the +x axis, above 0 and up to 2 pi.
 
         Returns
         -------
@@ -440,14 +443,14 @@ class Node:
 
         Notes
         -----
-        Exact for an exact shape.
+        A whole turn of an exact shape is exact if the shape does not touch the axis.
 
         Examples
         --------
         >>> rm.circle(0.25).revolve(1).distance((1, 0, 0))
         array(-0.25)
         """
-        return self._call("revolve", offset)
+        return self._call("revolve", offset, angle)
 
     def slice(self, z: Scalar = 0.0) -> Node:
         """The section of a solid in a plane of constant z, a flat shape.

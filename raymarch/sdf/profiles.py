@@ -15,13 +15,17 @@ from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import clamp, cos, length, max, min, sin, sqrt, square, vec2, vec3, where
-from raymarch.sdf.booleans import hull, intersection, widest
+from raymarch.sdf.booleans import hull, intersection, union, widest
 from raymarch.sdf.definition import Child, ChildFacts, around_y, combination, definition_of, operator
-from raymarch.sdf.domain import Length, Positive, Scalar, Word
+from raymarch.sdf.deform import taper
+from raymarch.sdf.deform import twist as twist_solid
+from raymarch.sdf.domain import Length, Positive, Scalar, Word, as_operand
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.flat import flat_triangle, polygon, rectangle, regular_polygon
 from raymarch.sdf.joints import largest_difference
 from raymarch.sdf.node import Node, method
+from raymarch.sdf.placing import rotate
+from raymarch.sdf.placing import scale as enlarge
 from raymarch.sdf.solids import box, plane
 
 # Extrusion
@@ -37,7 +41,6 @@ def _prism_bounds(lower: Expr, upper: Expr, height: Expr) -> tuple[Expr, Expr]:
     return vec3(lower, -0.5 * height), vec3(upper, 0.5 * height)
 
 
-@method
 @operator(
     exactness="exact",
     bounds=lambda child, height: _prism_bounds(child.lower, child.upper, height),
@@ -56,6 +59,56 @@ def extrude(p: Expr, child: Child, height: Positive = 1.0) -> Expr:
     smaller of the two counts.
     """
     return _prism(child(p.xy), p.z, height)
+
+
+straight = extrude
+
+
+@method  # type: ignore[no-redef]
+def extrude(node: Node, height: Scalar = 1.0, scale: Scalar = 1.0, twist: Scalar = 0.0) -> Node:
+    """Extrude a flat shape along z, half of the height on either side of the xy plane.
+
+    Parameters
+    ----------
+    height : full extent along z, > 0.
+    scale : factor of the upper end, >= 0.01; the section grows evenly from the lower end, which is the shape itself.
+    twist : angle in radians by which the upper end is turned from x towards y, evenly from the lower end.
+
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
+    Exact for an exact shape without scale and twist. With them a bound: see `taper` and `twist`.
+    """
+    made = straight(node, height)
+    factor, angle = as_operand("extrude: scale", scale, NUMBER), as_operand("extrude: twist", twist, NUMBER)
+    for name, value in (("scale", factor), ("twist", angle)):
+        if value.type is not FLOAT:
+            raise SceneError(f"extrude: {name} = {short(value)}", legal=NUMBER)
+    grows = not (factor.is_constant and factor.data == 1.0)
+    turns = not (angle.is_constant and angle.data == 0.0)
+    if not (grows or turns):
+        return made
+    if not interval_of(factor)[0] >= 0.01:
+        raise SceneError(f"extrude: scale = {short(scale)}", legal=f"{NUMBER} >= 0.01")
+    middle = 0.5 * (1.0 + factor)
+    profile = rotate(node, 0.5 * angle) if turns else node
+    profile = enlarge(profile, middle) if grows else profile
+    upright = rotate(straight(profile, height), -0.5 * math.pi, "x")
+    if turns:
+        upright = twist_solid(upright, angle / height)
+    if grows:
+        upright = taper(upright, (factor - 1.0) / (height * middle))
+    return rotate(upright, 0.5 * math.pi, "x")
+
+
+NUMBER = "a number or an expression of parameters"
 
 
 Easing: TypeAlias = Callable[[Expr], Expr]
@@ -204,7 +257,6 @@ def _exact_if_clear(child: Facts, offset: Expr) -> Exactness:
     return "exact" if clear or _mirrored(child, offset) else "bound"
 
 
-@method
 @operator(
     exactness=_exact_if_clear,
     bounds=lambda child, offset: around_y(child.upper.x + offset, child.lower.y, child.upper.y),
@@ -223,6 +275,48 @@ def revolve(p: Expr, child: Child, offset: Length = 0.0) -> Expr:
     then lies in the half plane of the point. Else a bound.
     """
     return child(vec2(length(p.xz) - offset, p.y))
+
+
+whole_turn = revolve
+
+
+@method  # type: ignore[no-redef]
+def revolve(node: Node, offset: Scalar = 0.0, angle: Scalar = math.tau) -> Node:
+    """Revolve a flat shape about the y axis.
+
+    Parameters
+    ----------
+    offset : distance by which the shape is first moved along +x, away from the axis. The part at x < 0 is cut off.
+    angle : of the whole turn in radians, half of it on either side of the +x axis, above 0 and up to 2 pi.
+
+    Returns
+    -------
+    Node
+
+    Raises
+    ------
+    SceneError : arguments of another kind or outside their range.
+
+    Notes
+    -----
+    A whole turn is exact for an exact shape that does not touch the axis, or that is symmetric about it (offset 0).
+    Else a bound.
+    """
+    made = whole_turn(node, offset)
+    turn = as_operand("revolve: angle", angle, NUMBER)
+    low, high = interval_of(turn) if turn.type is FLOAT else (0.0, 0.0)
+    if not 0.0 < low <= high <= math.tau * (1.0 + 1e-12):
+        hint = "; 90 degrees are numpy.radians(90)" if high > math.tau else ""
+        raise SceneError(f"revolve: angle = {short(angle)}", legal=f"radians, above 0 and up to 2 pi{hint}")
+    if low >= math.tau * (1.0 - 1e-12):
+        return made
+    sides = [rotate(plane((0.0, 0.0, 1.0)), -0.5 * turn, "y"), rotate(plane((0.0, 0.0, -1.0)), 0.5 * turn, "y")]
+    if high <= math.pi:
+        return intersection(made, *sides)
+    if low < math.pi:
+        what = f"revolve: angle from {low:.4g} to {high:.4g}"
+        raise SceneError(what, legal="a range up to pi, or from pi on")
+    return intersection(made, union(*sides))
 
 
 # From 3D to 2D

@@ -19,12 +19,12 @@ from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, construct, expr
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import clamp, max, min, round, where
-from raymarch.sdf.booleans import balanced
+from raymarch.sdf.booleans import balanced, union
 from raymarch.sdf.definition import Child, ChildFacts, operator
 from raymarch.sdf.domain import Scalar, Size3, Vec3, Vector, Whole, as_length
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.node import Node, method
-from raymarch.sdf.placing import unmoved
+from raymarch.sdf.placing import translate, unmoved
 from raymarch.sdf.values import at_least
 
 INFINITE = 0
@@ -196,7 +196,9 @@ def check_centred(name: str, node: Node, width: Expr, i: int, place: str) -> Non
 
 
 @method
-def repeat(node: Node, spacing: Vector | Scalar, count: int | Sequence[int | None] | None = None) -> Node:
+def repeat(
+    node: Node, spacing: Vector | Scalar, count: int | Sequence[int | None] | None = None, padding: int = 0
+) -> Node:
     """Copies of a solid, or of a flat shape in its plane, at a spacing along the axes.
 
     Parameters
@@ -204,6 +206,8 @@ def repeat(node: Node, spacing: Vector | Scalar, count: int | Sequence[int | Non
     spacing : a length > 0 for each of x, y and z (x and y for a flat shape), or one number for all axes. None means no
         repetition along that axis.
     count : number of copies, centred on the origin: one number, or one for each axis. None means infinitely many.
+    padding : number of neighbours on each side that a copy may overlap, 0 to 8, for weaves and chains. The box of the
+        child may then be 2 padding + 1 times as large as the spacing.
 
     Returns
     -------
@@ -216,8 +220,12 @@ def repeat(node: Node, spacing: Vector | Scalar, count: int | Sequence[int | Non
     Notes
     -----
     The child must fit its cell: its box must not be larger than the spacing, wherever it is. Exact for an exact child.
-    Evaluates 1 copy along an axis where the child is symmetric, else 2.
+    Evaluates 1 copy along an axis where the child is symmetric, else 2; 2 padding + 1 times as many with padding, which
+    is a union of rows of every (2 padding + 1)-th copy.
     """
+    wide = integer("repeat: padding", padding, 0, 8)
+    if wide and isinstance(node, Node):
+        return _padded(node, spacing, count, 2 * wide + 1)
     if not isinstance(node, Node):
         raise SceneError(f"repeat of {short(node)}", legal="a node such as sphere()")
     width, numbers = cells_of("repeat", spacing, count, node.dimension)
@@ -236,10 +244,30 @@ def repeat(node: Node, spacing: Vector | Scalar, count: int | Sequence[int | Non
     return repeat_cells(node, construct(*width), centre, nx, ny, nz, both, guard, *box)
 
 
+def _padded(node: Node, spacing: Any, count: Any, every: int) -> Node:
+    """The union of rows, each with every so many-th copy."""
+    width, numbers = cells_of("repeat", spacing, count, node.dimension)
+    choices: list[list[tuple[Any, int | None, Expr]]] = []  # of each axis: spacing, count and shift of each row
+    for step, n in zip(width, numbers, strict=True):
+        if n == 1:
+            choices.append([(None, 1, expr(0.0))])
+        elif n == INFINITE:
+            choices.append([(step * every, None, step * float(first)) for first in range(every)])
+        else:
+            counts = [-(-(n - first) // every) for first in range(min(every, n))]
+            middles = [first + 0.5 * every * (m - 1) - 0.5 * (n - 1) for first, m in enumerate(counts)]
+            choices.append([(step * every, m, step * at) for m, at in zip(counts, middles, strict=True)])
+    rows = []
+    for chosen in product(*choices):
+        steps, counts_of_row, shifts = zip(*chosen, strict=True)
+        rows.append(translate(repeat(node, steps, counts_of_row), construct(*shifts)))
+    return union(*rows)
+
+
 def _check_fit(node: Node, axis: str, step: Expr, lower: float, upper: float) -> None:
     smallest = float(interval_of(step)[0])
     if not np.isfinite(upper - lower):
         raise SceneError(f"repeat: {node.name} is unbounded along {axis}", legal=f"None as the spacing along {axis}")
     if upper - lower > smallest * (1 + 1e-12):
         what = f"repeat: {node.name} is {upper - lower:g} wide along {axis}, its cell only {smallest:g}"
-        raise SceneError(what, legal=f"a spacing >= {upper - lower:g} along {axis}")
+        raise SceneError(what, legal=f"a spacing >= {upper - lower:g} along {axis}, or padding")

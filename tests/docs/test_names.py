@@ -85,7 +85,7 @@ def test_a_parameter_has_the_word_of_the_table() -> None:
     assert len(words) > 20 and set(words) <= set(known)
     others = {"centre", "colour", "turn", "file", "filename", "path", "bottom", "diameter", "degrees", "dir", "towards"}
     assert {name: known[name] for name in others & set(known)} == {"path": {"export"}}
-    assert known["angle"] == {"arc", "capped_torus", "pie", "Node.rotate"}
+    assert known["angle"] == {"arc", "capped_torus", "pie", "Node.revolve", "Node.rotate"}
     assert known["softness"] == {"Light", "Sun", "SunSky.sun"}
     assert known["rounding"] == {"rounded_box", "rounded_cylinder", "rounded_rectangle"}
     assert known["direction"] == {"DirectionSample", "Node.orient", "RaySamples", "RectLight", "SpotLight", "Truth"}

@@ -1,0 +1,105 @@
+"""Extrusions that grow and turn, parts of a revolution, and copies that overlap."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+
+POINTS = np.random.default_rng(1).uniform(-2.5, 2.5, (3000, 3))
+X, Y, Z = POINTS.T
+
+
+@pytest.mark.parametrize(("scale", "twist"), [(1, 0), (0.5, 0), (1, 1.2), (0.5, 1.2), (2, -0.7)])
+@pytest.mark.parametrize("profile", [rm.rectangle((2, 1)).translate((0.5, 0)), rm.circle(1) - rm.circle(0.4)])
+def test_sections_of_an_extrusion_grow_and_turn_evenly(profile: rm.Node, scale: float, twist: float) -> None:
+    solid = profile.extrude(2, scale=scale, twist=twist)
+    share = np.clip(Z / 2 + 0.5, 0, 1)
+    size, angle = 1 + (scale - 1) * share, twist * share
+    back = [np.cos(angle) * X + np.sin(angle) * Y, np.cos(angle) * Y - np.sin(angle) * X]
+    inside = (profile.distance(np.stack(back, axis=1) / size[:, None]) < 0) & (abs(Z) < 1)
+    values = solid.distance(POINTS)
+    assert np.array_equal(values < 0, inside)
+    assert np.all(solid.bounds[0] <= POINTS[inside].min(axis=0))
+    assert np.all(solid.bounds[1] >= POINTS[inside].max(axis=0))
+    two = POINTS + np.random.default_rng(2).normal(size=POINTS.shape) * 0.05
+    assert np.all(abs(solid.distance(two) - values) <= np.linalg.norm(two - POINTS, axis=1) * (1 + 1e-9))
+
+
+@pytest.mark.parametrize("angle", [0.5, np.pi / 2, np.pi, 4.0, 2 * np.pi])
+def test_a_part_of_a_revolution(angle: float) -> None:
+    solid = rm.rectangle((0.6, 1)).revolve(1, angle)
+    inside = (abs(np.hypot(X, Z) - 1) < 0.3) & (abs(Y) < 0.5) & (abs(np.arctan2(Z, X)) < angle / 2)
+    assert np.array_equal(solid.distance(POINTS) < 0, inside)
+
+
+def test_parameters_move_the_end_of_an_extrusion_and_of_a_revolution() -> None:
+    end = rm.Param("end", 1.0, 0.5, 2.0)
+    solid = rm.rectangle((2, 1)).extrude(2, scale=end, twist=end)
+    fixed = rm.rectangle((2, 1)).extrude(2, scale=0.7, twist=0.7)
+    now = solid.distance(POINTS, params={"end": 0.7})
+    assert np.array_equal(now < 0, fixed.distance(POINTS) < 0)
+    part = rm.circle(0.3).revolve(1, end)
+    assert np.array_equal(
+        part.distance(POINTS, params={"end": 0.7}) < 0, rm.circle(0.3).revolve(1, 0.7).distance(POINTS) < 0
+    )
+
+
+ROD = rm.capsule((-1.2, 0, 0), (1.2, 0.4, 0), 0.15)
+
+
+@pytest.mark.parametrize(
+    ("spacing", "count", "padding"),
+    [
+        ((1.0, None, None), 5, 1),
+        ((1.0, None, None), 4, 1),
+        ((1.0, 2, None), (7, 3, None), 1),
+        ((0.6, None, None), 2, 2),
+    ],
+)
+def test_copies_may_overlap_their_neighbours(spacing: Any, count: Any, padding: int) -> None:
+    each = [1 if s is None else count if isinstance(count, int) else count[i] for i, s in enumerate(spacing)]
+    places = [
+        [(i - (n - 1) / 2) * (s or 0.0) for i, n, s in zip(cell, each, spacing, strict=True)]
+        for cell in product(*map(range, each))
+    ]
+    copies = np.min([ROD.distance(POINTS - place) for place in places], axis=0)
+    np.testing.assert_allclose(ROD.repeat(spacing, count, padding=padding).distance(POINTS), copies, atol=1e-12)
+
+
+def test_infinitely_many_copies_may_overlap() -> None:
+    copies = np.min([ROD.distance(POINTS - (i, 0, 0)) for i in range(-6, 7)], axis=0)
+    np.testing.assert_allclose(ROD.repeat((1, None, None), padding=1).distance(POINTS), copies, atol=1e-12)
+
+
+def test_many_wide_copies_around_an_axis() -> None:
+    blade = rm.box((0.1, 2, 1.5)).rotate(0.5, "x").translate((2, 0, 0))
+    turns = 2 * np.pi * np.arange(30) / 30
+    copies = [
+        blade.distance(np.stack([np.cos(t) * X + np.sin(t) * Z, Y, np.cos(t) * Z - np.sin(t) * X], axis=1))
+        for t in turns
+    ]
+    np.testing.assert_allclose(blade.polar(30).distance(POINTS), np.min(copies, axis=0), atol=1e-12)
+    with pytest.raises(rm.SceneError, match="its sector only"):
+        blade.polar(31)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: rm.circle().extrude(1, scale=0), "scale = 0"),
+        (lambda: rm.circle().extrude(1, scale=(1, 2)), "extrude: scale"),
+        (lambda: rm.circle().revolve(0, 90), "2 pi; 90 degrees are"),
+        (lambda: rm.circle().revolve(0, 0), "above 0"),
+        (lambda: ROD.repeat(1), "or padding"),
+        (lambda: ROD.repeat(1, padding=-1), "padding = -1"),
+        (lambda: ROD.repeat((0.5, None, None), padding=1), "2.7 wide along x, its cell only 1.5"),
+    ],
+)
+def test_refused(make: Any, message: str) -> None:
+    with pytest.raises(rm.SceneError, match=message):
+        make()
