@@ -16,7 +16,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "Pictures": ("render", "studio", "Renderer", "Frame", "show", "figure", "Slice"),
     "Reference and proof": ("truth", "Truth", "raycast", "Hits", "prove", "Proof", "probe", "Probe"),
     "One ray": ("plot_ray", "ray_samples", "RaySamples", "floor_evaluations"),
-    "Files": ("export", "triangulate", "render_frames"),
+    "Files": ("export", "triangulate", "measure", "Measures", "render_frames"),
     "Expressions": (
         *("value_noise", "gradient_noise", "worley", "fbm", "turbulence", "ridged"),
         *("hash", "colormap"),
@@ -30,13 +30,25 @@ FUNCTIONS = sorted({*maths.__all__, "plane_fold", "box_fold", "ball_fold"} - set
 """Functions of expressions, numbers and arrays, each a row of a table."""
 
 METHODS: dict[str, tuple[str, ...]] = {
+    "Measures": ("thickness", "distance"),
     "Renderer": ("render", "resize", "forget", "close"),
     "Frame": ("image", "array", "doubts"),
     "Proof": ("image", "as_dict"),
 }
 """The methods of a class that are listed."""
 
-MADE_BY_OTHERS = ("Frame", "TracerState", "Truth", "Hits", "RaySamples", "Proof", "Probe", "Texture", "Node")
+MADE_BY_OTHERS = (
+    "Frame",
+    "TracerState",
+    "Truth",
+    "Hits",
+    "Measures",
+    "RaySamples",
+    "Proof",
+    "Probe",
+    "Texture",
+    "Node",
+)
 """Classes whose instances other functions return."""
 
 ENTRY = re.compile(r"^(\w+(?:, \w+)*) : (.*)$")

@@ -2,5 +2,6 @@
 
 from raymarch.export.annotated import figure
 from raymarch.export.forms import export, triangulate
+from raymarch.export.measures import Measures, measure
 
-__all__ = ["export", "figure", "triangulate"]
+__all__ = ["Measures", "export", "figure", "measure", "triangulate"]

@@ -40,12 +40,14 @@ TEXTS = {
 """The modules of `raymarch.export.text` by the suffixes of their files."""
 
 GLSL = tuple(suffix for suffix, name in TEXTS.items() if name == "glsl")
-MESHES = (".stl", ".obj", ".ply", ".glb")
+MESHES = (".stl", ".obj", ".ply", ".glb", ".3mf")
 SUFFIXES = (*TEXTS, *MESHES)
 """Suffixes that `export` writes."""
 
 TEXTURES = ".textures.npz"
 """Suffix of the file with the textures of a .glsl file."""
+
+STEP = "a field has no edges and faces for a CAD file, see docs/export.md"
 
 CELLS = 128
 """Default number of cells of a mesh along the longest edge of its box."""
@@ -76,6 +78,7 @@ def export(
         .wgsl: the functions of the scene for WebGPU: field, gradient, materials, lights, BSDFs.
         .html: a page that draws the scene by WebGL 2, with a slider for each Param, and without a network.
         .stl, .obj, .ply, .glb: a closed triangle mesh; all but .stl with normals, vertex colours and shared vertices.
+        .3mf: the same for printers, scene units as millimetres, with vertex colours.
     time, params : values for meshes; initial values of shaders and pages.
     shadertoy : .glsl only. True writes a shader for Shadertoy: the tab Image, or the tabs Buffer A and Image if a still
         scene takes several samples.
@@ -109,7 +112,8 @@ def export(
     if suffix in MESHES:
         from raymarch.export import mesh_files
 
-        import_optional(f"a {suffix} file", "trimesh", "mesh")
+        if suffix in (".stl", ".obj", ".ply"):
+            import_optional(f"a {suffix} file", "trimesh", "mesh")
         made = _mesh("export", scene, values, cells, tolerance, box, progress)
         with written(file) as unfinished:
             mesh_files.WRITERS[suffix](unfinished, made)
@@ -232,6 +236,7 @@ def check_options(suffix: str, file: Path, **given: Any) -> None:
         from raymarch.export.stills import FORMATS, NUMBERS
 
         other = "`raymarch render` writes it; " if suffix in (*FORMATS, *NUMBERS, *FILMS) else ""
+        other = f"{STEP}; " if suffix in (".step", ".stp", ".iges", ".brep") else other
         raise SceneError(f"cannot export '{file}'", legal=f"{other}a file ending in {', '.join(SUFFIXES)}")
     belong = {"shadertoy": GLSL, "cells": MESHES, "tolerance": MESHES, "box": MESHES}
     for name, value in given.items():

@@ -1,13 +1,14 @@
-"""Triangle meshes as files: STL, OBJ, PLY and GLB.
+"""Triangle meshes as files: STL, OBJ, PLY, GLB and 3MF.
 
 trimesh writes the first three. A GLB is written here, because glTF has linear vertex colours, of which trimesh stores
-8 bits.
+8 bits. So is a 3MF, which trimesh writes without colours.
 """
 
 from __future__ import annotations
 
 import json
 import struct
+import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -84,11 +85,54 @@ def write_glb(file: Path, surface: Surface) -> None:
             out.write(part)
 
 
+TYPES = (
+    '<Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">'
+    '<Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>'
+    '<Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/></Types>'
+)
+RELATIONS = (
+    '<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships"><Relationship Id="model" '
+    'Target="/3D/3dmodel.model" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relationships>'
+)
+MODEL = (
+    '<model unit="millimeter" xml:lang="en" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02" '
+    'xmlns:m="http://schemas.microsoft.com/3dmanufacturing/material/2015/02"><metadata name="Application">raymarch'
+    "</metadata><resources>"
+)
+"""The parts of a 3MF package, by the core specification 1.3 and the materials extension 1.2."""
+
+
+def write_3mf(file: Path, surface: Surface) -> None:
+    """3MF: one object with sRGB colours of its vertices, in scene units as millimetres. Printers have z up."""
+    codes = np.rint(255 * linear_to_srgb(surface.colors)).astype(np.uint8)
+    colors, own = np.unique(codes, axis=0, return_inverse=True)
+    own = own.reshape(-1)
+    points = "".join([f'<vertex x="{x:.9g}" y="{y:.9g}" z="{z:.9g}"/>' for x, y, z in surface.vertices.tolist()])
+    faces = [
+        f'<triangle v1="{a}" v2="{b}" v3="{c}" p1="{own[a]}" p2="{own[b]}" p3="{own[c]}"/>'
+        for a, b, c in surface.faces.tolist()
+    ]
+    group = "".join([f'<m:color color="#{r:02X}{g:02X}{b:02X}"/>' for r, g, b in colors.tolist()])
+    body = (
+        f'<m:colorgroup id="2">{group}</m:colorgroup><object id="1" type="model" pid="2" pindex="0"><mesh>'
+        f"<vertices>{points}</vertices><triangles>{''.join(faces)}</triangles></mesh></object></resources>"
+        '<build><item objectid="1"/></build></model>'
+    )
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as made:
+        for name, text in (
+            ("[Content_Types].xml", TYPES),
+            ("_rels/.rels", RELATIONS),
+            ("3D/3dmodel.model", MODEL + body),
+        ):
+            made.writestr(name, f'<?xml version="1.0" encoding="UTF-8"?>\n{text}')
+
+
 WRITERS: Mapping[str, Callable[[Path, Surface], None]] = {
     ".stl": write_stl,
     ".obj": write_obj,
     ".ply": write_ply,
     ".glb": write_glb,
+    ".3mf": write_3mf,
 }
 """The writer of each suffix."""
 

@@ -19,7 +19,7 @@ from raymarch.sdf.booleans import hull, intersection, union, widest
 from raymarch.sdf.definition import Child, ChildFacts, around_y, combination, definition_of, operator
 from raymarch.sdf.deform import taper
 from raymarch.sdf.deform import twist as twist_solid
-from raymarch.sdf.domain import Length, Positive, Scalar, Word, as_operand
+from raymarch.sdf.domain import Domain, Length, Positive, Scalar, Word
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.flat import flat_triangle, polygon, rectangle, regular_polygon
 from raymarch.sdf.joints import largest_difference
@@ -87,16 +87,12 @@ def extrude(node: Node, height: Scalar = 1.0, scale: Scalar = 1.0, twist: Scalar
     Exact for an exact shape without scale and twist. With them a bound: see `taper` and `twist`.
     """
     made = straight(node, height)
-    factor, angle = as_operand("extrude: scale", scale, NUMBER), as_operand("extrude: twist", twist, NUMBER)
-    for name, value in (("scale", factor), ("twist", angle)):
-        if value.type is not FLOAT:
-            raise SceneError(f"extrude: {name} = {short(value)}", legal=NUMBER)
+    factor = Domain(FLOAT, low=0.01).accept("extrude", "scale", scale)
+    angle = Domain(FLOAT, unit="radians").accept("extrude", "twist", twist)
     grows = not (factor.is_constant and factor.data == 1.0)
     turns = not (angle.is_constant and angle.data == 0.0)
     if not (grows or turns):
         return made
-    if not interval_of(factor)[0] >= 0.01:
-        raise SceneError(f"extrude: scale = {short(scale)}", legal=f"{NUMBER} >= 0.01")
     middle = 0.5 * (1.0 + factor)
     profile = rotate(node, 0.5 * angle) if turns else node
     profile = enlarge(profile, middle) if grows else profile
@@ -106,9 +102,6 @@ def extrude(node: Node, height: Scalar = 1.0, scale: Scalar = 1.0, twist: Scalar
     if grows:
         upright = taper(upright, (factor - 1.0) / (height * middle))
     return rotate(upright, 0.5 * math.pi, "x")
-
-
-NUMBER = "a number or an expression of parameters"
 
 
 Easing: TypeAlias = Callable[[Expr], Expr]
@@ -303,12 +296,9 @@ def revolve(node: Node, offset: Scalar = 0.0, angle: Scalar = math.tau) -> Node:
     Else a bound.
     """
     made = whole_turn(node, offset)
-    turn = as_operand("revolve: angle", angle, NUMBER)
-    low, high = interval_of(turn) if turn.type is FLOAT else (0.0, 0.0)
-    if not 0.0 < low <= high <= math.tau * (1.0 + 1e-12):
-        hint = "; 90 degrees are numpy.radians(90)" if high > math.tau else ""
-        raise SceneError(f"revolve: angle = {short(angle)}", legal=f"radians, above 0 and up to 2 pi{hint}")
-    if low >= math.tau * (1.0 - 1e-12):
+    turn = Domain(FLOAT, low=0.0, high=math.tau, open=True, unit="radians").accept("revolve", "angle", angle)
+    low, high = interval_of(turn)
+    if low >= math.tau * (1.0 - 1e-6):
         return made
     sides = [rotate(plane((0.0, 0.0, 1.0)), -0.5 * turn, "y"), rotate(plane((0.0, 0.0, -1.0)), 0.5 * turn, "y")]
     if high <= math.pi:

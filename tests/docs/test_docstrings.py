@@ -25,6 +25,7 @@ MADE_BY_OTHERS = {
     "rm.Frame",
     "rm.Truth",
     "rm.Hits",
+    "rm.Measures",
     "rm.RaySamples",
     "rm.TracerState",
     "rm.Probe",

@@ -113,6 +113,7 @@ MADE_ELSEWHERE = {
     "DirectionSample",
     "Frame",
     "Hits",
+    "Measures",
     "Node",
     "Probe",
     "Proof",

@@ -93,8 +93,8 @@ def test_many_wide_copies_around_an_axis() -> None:
     [
         (lambda: rm.circle().extrude(1, scale=0), "scale = 0"),
         (lambda: rm.circle().extrude(1, scale=(1, 2)), "extrude: scale"),
-        (lambda: rm.circle().revolve(0, 90), "2 pi; 90 degrees are"),
-        (lambda: rm.circle().revolve(0, 0), "above 0"),
+        (lambda: rm.circle().revolve(0, 90), "> 0 and <= 6.28319"),
+        (lambda: rm.circle().revolve(0, 0), "> 0 and <= 6.28319"),
         (lambda: ROD.repeat(1), "or padding"),
         (lambda: ROD.repeat(1, padding=-1), "padding = -1"),
         (lambda: ROD.repeat((0.5, None, None), padding=1), "2.7 wide along x, its cell only 1.5"),

@@ -217,6 +217,7 @@ NEEDED: dict[str, dict[str, Any]] = {
     "sampled": {"values": BALL},
     "colormap": {"value": 0.5},
     "Slice": {"normal": (0, 1, 0)},
+    "measure": {"part": rm.box(1), "cells": 4},
     "floor_evaluations": {"scene": rm.box(1), "size": (4, 3)},
     "raycast": {"scene": rm.box(1), "origins": (0, 0, 5), "directions": (0, 0, -1)},
 }
@@ -242,6 +243,7 @@ UNCALLED = {
     "Frame",
     "Truth",
     "Hits",
+    "Measures",
     "RaySamples",
     "TracerState",
     "Probe",
