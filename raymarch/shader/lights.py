@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 from raymarch.expr.function import Function
@@ -53,53 +54,167 @@ def all_lights(text: Lines, plan: Plan, values: Values, reflection: Reflection) 
 
 def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan, reflection: Reflection) -> None:
     """The lines of one light, with its values as literals where constant."""
-    by, where = type(light).__name__, light.where
+    scene, by, where = plan.scene, type(light).__name__, light.where
 
     def value(name: str, of: Expr) -> str:
         return values.text(f"light_{i}_{name}", of, where)
 
-    form = lights.table(plan.scene).forms[lights.key(light)]
+    form, shadow = lights.table(scene).forms[lights.key(light)], lights.shadow_of(light)
     given = [value(name, of) for name, of in light.emitter_values().items()]
-    samples, stride = plan.scene.quality.light_samples, 2 * len(plan.scene.lights)
-    disc = light.soft and light.penumbra == "sampled"
-    width = value("softness", light.disc_width) + _per_distance(light) if disc else ""
-    cut = light.cut_by_horizon
-    visibility = _visibility(plan, light, value, f"width_{i}" if cut else "")
-    both = samples_both(light, plan.scene.materials)
-    count = lights.samples_of(plan.scene, light)
-    before = plan.occlusion_samples + sum(lights.samples_of(plan.scene, other) for other in plan.scene.lights[:i])
-    dimension = f"{_dimension(i)}" + f" + {stride} * {'(k / 2)' if both else 'k'}" * (count > 1)
-    sample = _sample(form, given, dimension)
-    if count == 1:
-        lines = [f"light = {sample};"]
-        if disc:
-            lines.append(f"light = sample_disc(light, {width}, {_two(dimension)});")
-        if cut:
-            lines += [
-                f"float width_{i} = {value('radius', light.softness)} / light.distance;",
-                f"float part_{i} = {_horizon('part_above_horizon', f'width_{i}')};",
-                f"light = {_horizon('above_horizon', f'width_{i}')};",
-            ]
-            visibility = f"part_{i}" if visibility == "1.0" else f"part_{i} * ({visibility})"
-        lines.append(f"color += {reflection.light(visibility)};")
-        if plan.lights_split:
-            lines = [f"if (first <= {before} && end > {before}) {{", *(f"    {line}" for line in lines), "}"]
-    else:
-        lines = [f"light = {sample};", f"Light centre_{i} = light;"] if disc else []
-        width = width.replace("light.", f"centre_{i}.")  # that of each sample is shorter
-        lines.append(f"for (int k = 0; k < {count}; k++) {{")
-        if plan.lights_split:
-            lines += [f"    if ({before} + k >= end) break;", f"    if ({before} + k < first) continue;"]
-        drawn = f"sample_disc(centre_{i}, {width}, {_two(dimension)})" if disc else sample
-        lines.append(f"    light = {drawn};")
-        if both:
-            texts = _disc(f"centre_{i}", width) if disc else _met(form, given)
-            weighted = _weighted(texts, f"{i * samples} + k / 2", stride * samples, reflection)
-            lines += [f"    {line}" for line in weighted]
-        lines += [f"    color += {reflection.light(visibility)} / {literal(samples)};", "}"]
+    radius, cut, width = getattr(light, "shadow_radius", None), light.cut_by_horizon, ""
+    if light.soft or cut:
+        width = value("softness", light.disc_width) + " / light.distance" * light.has_position
+    near = "" if radius is None or shadow is None else f"light.distance < {value('shadow_radius', radius)}"
+    before = plan.occlusion_samples + sum(lights.samples_of(scene, other) for other in scene.lights[:i])
+    split = (str(before), "first", "end") if plan.lights_split else ("", "", "")
+    group = _Group(
+        [("", form, given, [light])],
+        [] if shadow is None else [(shadow, "", light)],
+        near,
+        width,
+        "" if cut else None,
+        f"{_dimension(i)}",
+        f"{i * scene.quality.light_samples}",
+        *split,
+        name=f"_{i}",
+    )
+    lines = _Estimator(plan, reflection, group).lines()
+    if plan.lights_split and lights.samples_of(scene, light) == 1:
+        lines = [f"if (first <= {before} && end > {before}) {{", *(f"    {line}" for line in lines), "}"]
     if i == 0:
         lines[:1] = [f"Light {lines[0]}"] if lines[0].startswith("light = ") else ["Light light;", lines[0]]
     text.add(*(f"    {line}" for line in lines), by=by, where=where)
+
+
+@dataclass(frozen=True, slots=True)
+class _Group:
+    """Lights that one text adds: a single one, or those of all rows of the texture.
+
+    A condition is GLSL text that tells which lights of the group are meant, and "" if all are.
+
+    forms : a condition, the form, the texts of its values, and its lights. kinds : each kind of shadow, a condition,
+    and one of the lights that cast it. near : true where a light casts its shadow, "" for everywhere. width : of the
+    disc. cut : the condition of lights that a horizon may cut; None for none. dimension : the first random dimension.
+    number : of samples of all lights before. place : of the first sample, among those that passes split; the text adds
+    those from `begin` to `end`. skip : lines that leave out a light without radiance. name : the end of variables.
+    """
+
+    forms: Sequence[tuple[str, lights.LightForm, list[str], Sequence[Light]]]
+    kinds: Sequence[tuple[str, str, Light]]
+    near: str
+    width: str
+    cut: str | None
+    dimension: str
+    number: str
+    place: str = ""
+    begin: str = ""
+    end: str = ""
+    skip: Sequence[str] = ()
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class _Estimator:
+    """The writer of the lines that add the light of a group to the colour of a surface."""
+
+    plan: Plan
+    reflection: Reflection
+    group: _Group
+
+    def lines(self) -> list[str]:
+        """First the lights with an area of which several points are added, then what the others have in common."""
+        group, found, rest = self.group, [], []
+        for condition, form, values, of in group.forms:
+            if form.area and lights.samples_of(self.plan.scene, of[0]) > 1:
+                shown = "1.0"
+                for kind, which, _ in group.kinds:
+                    if any(lights.shadow_of(light) == kind for light in of):
+                        shown = _if_else([group.near, which], self._shadow(kind, group.width), shown)
+                sample = _sample(form, values, self._dimension(of[0]))
+                found += self._several(condition, sample, shown, of[0], partial(_met, form, values))
+            else:
+                rest.append((condition, _sample(form, values, group.dimension)))
+        for k, (condition, sample) in enumerate(rest):
+            condition = condition if k < len(rest) - 1 else ""  # the last is what no other is
+            found.append("else " * (k > 0) + _if([condition], f"light = {sample};"))
+        return found + (self._rest() if rest else [])
+
+    def _rest(self) -> list[str]:
+        """The lines after the samples: the horizon, the discs, the shadows, and the sum."""
+        group, width, part = self.group, self.group.width, ""
+        found, visibility, several = [*group.skip], "1.0", False
+        if any(which for _, which, _ in group.kinds):
+            visibility = "visibility"
+            found.append("float visibility = 1.0;")
+        if group.cut is not None:
+            width, part, cut = f"width{group.name}", f"part{group.name}", "cut" if group.cut else ""
+            found.append(f"float {width} = {group.width};")
+            found += [f"bool cut = {group.cut};"] if cut else []
+            found.append(f"float {part} = {_if_else([cut], _horizon('part_above_horizon', width), '1.0')};")
+            found.append(_if([cut], f"light = {_horizon('above_horizon', width)};"))
+            if any(kind not in ("hard", "sampled") for kind, *_ in group.kinds):
+                found.append(_if([cut], f"{width} = min({width}, dot(surface.normal, light.direction));"))
+        for kind, which, of in group.kinds:
+            if kind == "sampled" and lights.samples_of(self.plan.scene, of) > 1:
+                centre = f"centre{group.name}"
+                width = width.replace("light.", f"{centre}.")  # that of each sample is shorter
+                found.append(f"Light {centre} = light;")
+                sample = f"sample_disc({centre}, {width}, {_two(self._dimension(of))})"
+                shown = _if_else([group.near], self._shadow(kind, width), "1.0")
+                found += self._several(which, sample, shown, of, partial(_disc, centre, width))
+                several = not which
+                continue
+            if kind == "sampled":
+                found.append(_if([which], f"light = sample_disc(light, {width}, {_two(group.dimension)});"))
+            shown = self._shadow(kind, width)
+            if which:
+                found.append(_if([group.near, which], f"visibility = {shown};"))
+            else:
+                visibility = _if_else([group.near], shown, "1.0")
+        if part:
+            factor = visibility if visibility.isidentifier() else f"({visibility})"
+            visibility = part if visibility == "1.0" else f"{part} * {factor}"
+        return found + ([] if several else [f"color += {self.reflection.light(visibility)};"])
+
+    def _shadow(self, kind: str, width: str) -> str:
+        """The call that traces a shadow."""
+        given = "" if kind in ("hard", "sampled") else f", {width}"
+        return f"{shadow_function(self.plan, kind)}(surface, light{given})"
+
+    def _dimension(self, of: Light) -> str:
+        """The first random dimension of sample k of a light."""
+        k = "(k / 2)" if samples_both(of, self.plan.scene.materials) else "k"
+        return f"{self.group.dimension} + {2 * len(self.plan.scene.lights)} * {k}"
+
+    def _several(
+        self, condition: str, sample: str, shown: str, of: Light, texts: Callable[[], tuple[str, str]]
+    ) -> list[str]:
+        """The mean of several samples of the lights of a condition, of which one is given."""
+        scene, group = self.plan.scene, self.group
+        samples = scene.quality.light_samples
+        lines = [f"for (int k = 0; k < {lights.samples_of(scene, of)}; k++) {{"]
+        if group.place:
+            lines.append(f"    if ({group.place} + k >= {group.end}) break;")
+            lines.append(f"    if ({group.place} + k < {group.begin}) continue;")
+        lines.append(f"    light = {sample};")
+        if samples_both(of, scene.materials):
+            before = 2 * len(scene.lights) * samples
+            weighted = _weighted(texts(), f"{group.number} + k / 2", before, self.reflection)
+            lines += [f"    {line}" for line in weighted]
+        lines += [f"    color += {self.reflection.light(shown)} / {literal(samples)};", "}"]
+        return lines if not condition else [f"if ({condition}) {{", *(f"    {x}" for x in lines), "    continue;", "}"]
+
+
+def _if(conditions: Sequence[str], statement: str) -> str:
+    """A statement, where all conditions hold; "" always holds."""
+    given = " && ".join(condition for condition in conditions if condition)
+    return f"if ({given}) {statement}" if given else statement
+
+
+def _if_else(conditions: Sequence[str], value: str, other: str) -> str:
+    """A value where all conditions hold, else another one; "" always holds."""
+    given = " && ".join(condition for condition in conditions if condition)
+    return f"{given} ? {value} : {other}" if given else value
 
 
 def visible_light(text: Lines, plan: Plan, values: Values) -> None:
@@ -207,155 +322,85 @@ def _dimension(light: int) -> int:
     return 1024 + 2 * light
 
 
-def _per_distance(light: Light) -> str:
-    """The factor that makes a light's `disc_width` the sine of an angle."""
-    return " / light.distance" if light.has_position else ""
-
-
 def _horizon(function: str, width: str) -> str:
     """The call of `above_horizon` or `part_above_horizon`."""
     return f"{function}(light, {width}, surface.normal)"
 
 
-def _upright(width: str) -> str:
-    """The width of the part of a sphere above the horizon, after `above_horizon`."""
-    return f"min({width}, dot(surface.normal, light.direction))"
-
-
-def _visibility(plan: Plan, light: Light, value: Callable[[str, Expr], str], cut: str) -> str:
-    """The visibility of a light from the surface, as GLSL text. cut : the width of a sphere that a horizon may cut."""
-    shadow = lights.shadow_of(light)
-    if shadow is None:
-        return "1.0"
-    width = ""
-    if shadow not in ("hard", "sampled"):
-        width = f", {_upright(cut) if cut else value('softness', light.disc_width) + _per_distance(light)}"
-    shown = f"{shadow_function(plan, shadow)}(surface, light{width})"
-    radius = getattr(light, "shadow_radius", None)
-    return shown if radius is None else f"light.distance < {value('shadow_radius', radius)} ? {shown} : 1.0"
-
-
 def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
     """The loop over all lights, which reads their values from the rows of a texture."""
     scene, table = plan.scene, lights.table(plan.scene)
-    kinds, head, samples = table.kinds, table.headed, plan.scene.quality.light_samples
-
-    def add(line: str) -> None:
-        text.add(f"        {line}", where=scene.where)
-
-    split, places = plan.lights_split, lights.stride(scene)
-    ending = split or plan.lights_in_cells
+    ending = plan.lights_split or plan.lights_in_cells
+    text.add(*(f"    {line}" for line in _turns(plan)), where=scene.where)
+    lines = []
+    if table.headed:
+        lines.append(f"vec4 head = {_texel(plan, 0)};  // form, kind of shadow, softness, shadow radius")
+    for k in range(table.texels - table.headed):
+        lines.append(f"vec4 value_{k} = {_texel(plan, k + table.headed)};")
+    lines += ["Light light;", *_Estimator(plan, reflection, _rows(plan, ending)).lines()]
     if ending:
-        if plan.lights_in_cells:
-            text.add("    ivec2 reached = lights_at(surface.p);  // start and length of a list", where=scene.where)
-        most = "reached.y" if plan.lights_in_cells else str(len(scene.lights)) * split
-        begin = "n"
-        if split:
-            after = f" - {plan.occlusion_samples}" * (plan.occlusion_samples > 0)
-            text.add(
-                f"    int begin = max(first{after}, 0);  // samples of lights: the first, and the one after the last"
-            )
-            text.add(f"    int last = min(end{after}, {f'{places} * ' * (places > 1)}{most});")
-            begin = f"begin / {places} + n" if places > 1 else "begin + n"
-        text.add(f"    for (int n = 0; n < {len(scene.lights)}; n++) {{")
-        end = "last" if split else most
-        at = f"({begin}) * {places}" if split and places > 1 else begin
-        add(f"if ({at} >= {end}) break;")
-        # llvmpipe leaves a loop at the end of a turn only, so the last turn must say that it is the last
-        add(f"bool ends = {at} + {places if split else 1} >= {end};")
-        if split and places > 1:
-            add(f"int place = ({begin}) * {places};  // its first sample")
-        add(f"int i = light_of(reached.x + {begin});" if plan.lights_in_cells else f"int i = {begin};")
-    else:
-        text.add(f"    for (int i = 0; i < {len(scene.lights)}; i++) {{")
-    if head:
-        add(f"vec4 head = {_texel(plan, 0)};  // form, kind of shadow, softness, shadow radius")
-    for k in range(table.texels - head):
-        add(f"vec4 value_{k} = {_texel(plan, k + head)};")
-    add("Light light;")
-    limited = any(getattr(light, "shadow_radius", None) is not None for light in scene.lights)
-    near = "(head.w == 0.0 || light.distance < head.w) && " if limited else ""
-    first, stride = f"{_dimension(0)} + 2 * i", 2 * len(scene.lights)
+        lines.append("if (ends) break;")
+    text.add(*(f"        {line}" for line in lines), "    }", where=scene.where)
 
-    def several(condition: str, sample: str, shown: str, of: Light, texts: Callable[[], tuple[str, str]]) -> None:
-        """The mean of several samples of the lights of a condition, of which one is given."""
-        add(f"if ({condition}) {{")
-        add(f"    for (int k = 0; k < {lights.samples_of(scene, of)}; k++) {{")
-        if split:
-            add("        if (place + k >= last) break;")
-            add("        if (place + k < begin) continue;")
-        add(f"        light = {sample};")
-        if samples_both(of, scene.materials):
-            for line in _weighted(texts(), f"{samples} * i + k / 2", stride * samples, reflection):
-                add(f"        {line}")
-        add(f"        color += {reflection.light(shown)} / {literal(samples)};")
-        add("    }")
-        add("    continue;")
-        add("}")
 
-    def dimension(of: Light) -> str:
-        """The first random dimension of sample k of a light."""
-        return f"{first} + {stride} * {'(k / 2)' if samples_both(of, scene.materials) else 'k'}"
+def _turns(plan: Plan) -> list[str]:
+    """The lines that begin the loop over the lights i, and say when it ends: after all, those that are near the
+    surface, or those of which a pass adds samples."""
+    scene, split, places, cells = plan.scene, plan.lights_split, lights.stride(plan.scene), plan.lights_in_cells
+    if not (split or cells):
+        return [f"for (int i = 0; i < {len(scene.lights)}; i++) {{"]
+    most, several = "reached.y" if cells else str(len(scene.lights)), split and places > 1
+    number = f"begin / {places} + n" if several else "begin + n" if split else "n"
+    at, end = f"({number}) * {places}" if several else number, "last" if split else most
+    lines = ["ivec2 reached = lights_at(surface.p);  // start and length of a list"] if cells else []
+    if split:
+        after = f" - {plan.occlusion_samples}" * (plan.occlusion_samples > 0)
+        lines += [
+            f"int begin = max(first{after}, 0);  // samples of lights: the first, and the one after the last",
+            f"int last = min(end{after}, {f'{places} * ' * several}{most});",
+        ]
+    # llvmpipe leaves a loop at the end of a turn only, so the last turn must say that it is the last
+    return [
+        *(*lines, f"for (int n = 0; n < {len(scene.lights)}; n++) {{"),
+        *(f"    if ({at} >= {end}) break;", f"    bool ends = {at} + {places if split else 1} >= {end};"),
+        *([f"    int place = ({number}) * {places};  // its first sample"] if several else []),
+        f"    int i = {f'light_of(reached.x + {number})' if cells else number};",
+    ]
 
-    hard, traced = "1.0", shadow_function(plan, "hard")
-    if "hard" in kinds:
-        hard = f"{near}head.y == {float(kinds.index('hard') + 1)} ? {traced}(surface, light) : 1.0"
-    rest = []
+
+def _rows(plan: Plan, ending: bool) -> _Group:
+    """The lights of all rows. ending : whether the loop must be left where a light that is the last ends."""
+    scene, table = plan.scene, lights.table(plan.scene)
+    by_form: dict[lights.Key, list[Light]] = {}
+    for light in scene.lights:
+        by_form.setdefault(lights.key(light), []).append(light)
+    forms = []
     for k, (key, form) in enumerate(table.forms.items()):
         values = [f"value_{texel}.{parts}" for texel, parts in lights.layout(form.types)]
-        of = next(light for light in scene.lights if lights.key(light) == key)
-        if form.area and lights.samples_of(scene, of) > 1:
-            calls = partial(_met, form, values)
-            several(f"head.x == {float(k)}", _sample(form, values, dimension(of)), hard, of, calls)
-        else:
-            rest.append((k, _sample(form, values, first)))
-    for k, sample in rest:
-        condition = f"if (head.x == {float(k)}) " if k != rest[-1][0] else ""
-        add(f"{'else ' if k != rest[0][0] else ''}{condition}light = {sample};")
-    if rest:
-        if split and places > 1:  # the only sample of a light may have been added before
-            other = f"head.y != {float(kinds.index('sampled') + 1)} && " if "sampled" in kinds else ""
-            add(f"if ({other}place < begin) continue;")
-        if ending:
-            add("if (ends && light.radiance == vec3(0.0)) break;")
-        add("if (light.radiance == vec3(0.0)) continue;")
-        balls = [f"head.x == {float(k)}" for k, of in enumerate(table.forms) if _has_balls(scene, of)]
-        visibility = "visibility" if kinds or balls else "1.0"
-        if kinds or balls:
-            add("float visibility = 1.0;")
-        width = _width_of_row(scene)
-        if balls:
-            width = "width"
-            add(f"float width = {_width_of_row(scene)};")
-            sampled = f" && head.y != {float(kinds.index('sampled') + 1)}" if "sampled" in kinds else ""
-            add(f"bool cut = {' || '.join(balls)};" if not sampled else f"bool cut = ({' || '.join(balls)}){sampled};")
-            add(f"float part = cut ? {_horizon('part_above_horizon', 'width')} : 1.0;")
-            add(f"if (cut) light = {_horizon('above_horizon', 'width')};")
-            add(f"if (cut) width = {_upright('width')};")
-        for number, kind in enumerate(kinds, 1):
-            condition = f"head.y == {float(number)}"
-            of = next(light for light in scene.lights if lights.shadow_of(light) == kind)
-            if kind == "sampled" and lights.samples_of(scene, of) > 1:
-                add("Light centre = light;")
-                width = width.replace("light.", "centre.")
-                shown = f"{near.removesuffix(' && ')} ? {traced}(surface, light) : 1.0"
-                sample = f"sample_disc(centre, {width}, {_two(dimension(of))})"
-                shown = shown if near else f"{traced}(surface, light)"
-                several(condition, sample, shown, of, partial(_disc, "centre", width))
-                continue
-            if kind == "sampled":
-                add(f"if ({condition}) light = sample_disc(light, {width}, {_two(first)});")
-            given = "" if kind in ("hard", "sampled") else f", {width}"
-            add(f"if ({near}{condition}) visibility = {shadow_function(plan, kind)}(surface, light{given});")
-        add(f"color += {reflection.light(f'part * {visibility}' if balls else visibility)};")
-    if ending:
-        add("if (ends) break;")
-    text.add("    }")
-
-
-def _has_balls(scene: Scene, form: lights.Key) -> bool:
-    """True if a horizon may cut lights of a form."""
-    return any(light.cut_by_horizon for light in scene.lights if lights.key(light) == form)
+        forms.append((f"head.x == {float(k)}", form, values, by_form[key]))
+    kinds = [
+        (kind, f"head.y == {float(k)}", next(light for light in scene.lights if lights.shadow_of(light) == kind))
+        for k, kind in enumerate(table.kinds, 1)
+    ]
+    sampled = f"head.y != {float(len(kinds))}" if "sampled" in table.kinds else ""  # it is the last kind
+    balls = " || ".join(which for which, *_, of in forms if any(light.cut_by_horizon for light in of))
+    if balls and sampled:
+        balls = f"({balls}) && {sampled}"
+    several = plan.lights_split and lights.stride(scene) > 1
+    skip = [_if([sampled, "place < begin"], "continue;")] * several  # the only sample may have been added before
+    skip += ["if (ends && light.radiance == vec3(0.0)) break;"] * ending
+    limited = any(getattr(light, "shadow_radius", None) is not None for light in scene.lights)
+    return _Group(
+        forms,
+        kinds,
+        "(head.w == 0.0 || light.distance < head.w)" if limited else "",
+        _width_of_row(scene),
+        balls or None,
+        f"{_dimension(0)} + 2 * i",
+        f"{scene.quality.light_samples} * i",
+        *(("place", "begin", "last") if several else ("", "", "")),
+        [*skip, "if (light.radiance == vec3(0.0)) continue;"],
+    )
 
 
 def _width_of_row(scene: Scene) -> str:
