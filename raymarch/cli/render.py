@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import time as clock_time
-import warnings
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack, nullcontext
+from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import replace
-from functools import cache, partial
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any
 
 import typer
 
@@ -24,33 +21,14 @@ from raymarch.cli.common import (
     parse_size,
     parse_sweeps,
 )
+from raymarch.cli.drawing import draw_here, join
+from raymarch.cli.job import Job, check_measured, check_outputs, check_sweep, parse_items, parse_quality
 from raymarch.cli.presets import Preset
-from raymarch.cli.progress import bar, watched
-from raymarch.cli.views import CHOICES, check_view, shown
-from raymarch.cluster.source import of_file
-from raymarch.errors import RenderWarning
-from raymarch.export import behind
+from raymarch.cli.views import CHOICES, check_view
+from raymarch.cluster.source import Source, of_file
 from raymarch.export.film import FILMS
-from raymarch.export.sequence import (
-    EDGE,
-    LARGE,
-    LONG,
-    Contents,
-    Item,
-    Parts,
-    check_suffix,
-    frames_of,
-    is_large,
-    join_film,
-    join_tiles,
-    tiles_of,
-)
-from raymarch.export.stills import FORMATS, Shot, draw, encoder, is_whole, key_of
-from raymarch.files import import_optional, write
-from raymarch.gpu.renderer import Renderer
+from raymarch.export.stills import Shot
 from raymarch.scene.file import load
-from raymarch.scene.parameter import set_values
-from raymarch.scene.quality import PRESETS, Quality
 from raymarch.scene.scene import Scene
 from raymarch.scene.studio import staged
 
@@ -141,119 +119,74 @@ def run(
     device: Device = None,
 ) -> None:
     outputs = check_view(view, slice_)
-    width, height = parse_size(size)
-    chooser = choose_quality(quality, error, within)
-    on_cluster = {
-        "--workers": workers,
-        "--split-samples": split_samples,
-        "--batch": batch,
-        "--task-timeout": task_timeout,
-    }
-    given = [
-        name for name, value in (*on_cluster.items(), ("--mixed-drivers", mixed_drivers or None)) if value is not None
-    ]
-    if cluster is None and given:
-        raise CommandError(f"{given[0]} without --cluster", legal="--cluster tcp://HOST:PORT or local:N")
+    extent, choose = parse_size(size), parse_quality(quality, error, within)
+    on_workers = parse_cluster(cluster, workers, mixed_drivers, split_samples, batch, task_timeout)
     source, found = (None, load(scene)) if cluster is None else of_file(scene)  # read once: it may be a pipe
     found = staged(found)
     if samples is not None:  # before a quality is chosen by measurement
         found = found.replace(quality=found.quality.replace(samples=samples))
     params, sweep = parse_sweeps(set_ or [])
-    if sweep is not None:
-        if frames is None or cluster is not None:
-            wrong = "without --frames" if frames is None else "with --cluster"
-            raise CommandError(f"--set NAME=A:B {wrong}", legal="--frames A:B, on this machine; or NAME=VALUE")
-        params |= sweep(0.0)
-        set_values(found.parameters, params | sweep(1.0), where=found.where)  # what lies between is legal too
+    params = check_sweep(sweep, found, params, frames, cluster)
     target = output if output is not None else Path(scene.with_suffix(".png").name)
-    if alpha:
-        _check_alpha(target, view)
-    items = _items(target, time, frames, fps, (width, height))
+    check_outputs(target, view, alpha, layers)
+    items = parse_items(target, time, frames, fps, extent)
     suffix = target.suffix.lower()
-    if layers and suffix != ".exr":
-        raise CommandError(f"--layers with the output '{target}'", legal="a file ending in .exr")
-    if (layers or suffix == ".npz") and view != "final":
-        raise CommandError(f"--view {view} with all arrays", legal="no --view")
-    film = suffix in FILMS
-    shot = Shot((width, height), ".png" if film else suffix, params, view, outputs, alpha, layers, strict)
+    shot = Shot(extent, ".png" if suffix in FILMS else suffix, params, view, outputs, alpha, layers, strict)
+    job = Job(found, target, items, shot, fps, frames is not None, choose, sweep, backend, device)
     if explain_time:
-        explain_times(found, (width, height), items[0].time, params, backend, device)
-    if cluster is not None and source is not None:
-        from raymarch.cli.on_cluster import Where, render_on_cluster  # Dask takes tenths of a second to import
-        from raymarch.cluster.submit import TIMEOUT, Options
+        explain_times(found, extent, items[0].time, params, backend, device)
+    check_measured(error, within, cluster is not None, job)
+    if cluster is None or source is None:
+        draw_here(job)
+    else:
+        if quality is not None:
+            job = replace(job, scene=found.replace(quality=found.quality.to_preset(quality)))
+        draw_there(job, source, cluster, on_workers)
 
-        if error is not None or within is not None:
-            raise CommandError("--error or --within with --cluster", legal="--quality, or a quality in the scene")
-        options = Options(mixed_drivers, split_samples or 1, batch, task_timeout or TIMEOUT, backend, device)
-        found = found if quality is None else found.replace(quality=found.quality.to_preset(quality))
-        where = Where(cluster, workers, options)
-        with ExitStack() as stack:
-            drawn, key, parts = render_on_cluster(source, found, shot, items, target, frames is not None, where, stack)
-            if parts is not None:
-                join(target, drawn, fps, (width, height), key, parts)
-        return
-    large = frames is None and view == "final" and is_large((width, height)) and suffix in FORMATS
-    if large:
-        if error is not None or within is not None:
-            raise CommandError(
-                f"--error or --within with {width}x{height} pixels", legal=f"up to {LARGE} pixels and edges of {LONG}"
-            )
-        if suffix in (".tif", ".tiff"):
-            import_optional(f"a large '{target}'", "tifffile", "tiff")
-        whole, whole_shot = items[0], shot
-        items = tiles_of(target, items[0].time, (width, height), EDGE, CommandError)
-        shot = replace(shot, suffix=".png")
-    key = None
-    with Parts(items, target, CommandError) if film or large else nullcontext() as parts:
-        with (
-            Renderer(items[0].size, backend, device) as renderer,
-            bar("drawing", len(items)) as progress,
-            warnings.catch_warnings(),
-            behind.film(target, items[0].file.parent, fps, CommandError) if film else nullcontext() as add,
-            behind.in_order() as later,
-        ):
-            warnings.simplefilter("ignore", RenderWarning)  # printed below, one on each line
-            found = found.replace(quality=chooser(found, renderer, items[0].time, params))
-            contents = Contents(found, shot, renderer)
-            for i, item in enumerate(items):
-                start = clock_time.perf_counter()
-                tell = partial(lambda before, share: progress(before + share), i)
-                if sweep is not None:
-                    shot = replace(shot, params=params | sweep(i / max(1, len(items) - 1)))
-                if renderer.size != item.size:
-                    renderer.resize(item.size)
-                if shot.suffix == ".png":
-                    content = contents.of(item, shot.params)
-                    key = key_of(content, renderer.context.driver)
-                    if parts is not None:
-                        item = parts.placed(item, content)
-                    if (frames is not None or large) and key is not None and is_whole(item.file, [key]):
-                        if not large:
-                            later(partial(errors.print, f"{item.file}  is already drawn"))
-                        if add is not None:
-                            add(item.file)
-                        continue
-                frame, doubts = draw(renderer, found, shot, item.time, item.part, tell)
-                view_result = shown(renderer, frame, view, found, shot.params, tell)
-                image = cache(view_result.image)
-                writer = encoder(shot, frame, image, view_result.numbers, key, draft=parts is not None)
-                if add is not None:
-                    add(image())
-                if large:
-                    tell_end = partial(progress, i + 1)
-                else:
-                    by = f"{renderer.context.backend}: {renderer.context.driver.renderer}"
-                    words = f"{width}x{height}  {frame.milliseconds:.1f} ms to draw ({renderer.clock.kind})"
-                    tell_end = partial(_report, item.file, words, start, by, doubts, view_result.lines)
-                later(partial(_save, item.file, writer, tell_end), writer.before)
-                del frame, view_result, image  # the next frame then reads no arrays of this one
-            drawn_at = clock_time.perf_counter()
-            if large:
-                key = key_of(Contents(found, whole_shot).of(whole), renderer.context.driver)
-        if film and parts is not None:
-            _report_joined(target, f"{len(items)} frames, {len(items) / fps:g} s", drawn_at, parts)
-        elif parts is not None:
-            join(target, parts.all(items), fps, (width, height), key, parts)
+
+def parse_cluster(
+    cluster: str | None,
+    workers: str | None,
+    mixed_drivers: bool,
+    split_samples: int | None,
+    batch: int | None,
+    task_timeout: float | None,
+) -> dict[str, Any]:
+    """The options of a cluster that were given, by their names there. CommandError for one without --cluster."""
+    given = {
+        "workers": workers,
+        "split_samples": split_samples,
+        "batch": batch,
+        "task_timeout": task_timeout,
+        "mixed_drivers": mixed_drivers or None,
+    }
+    given = {name: value for name, value in given.items() if value is not None}
+    if cluster is None and given:
+        option = "--" + next(iter(given)).replace("_", "-")
+        raise CommandError(f"{option} without --cluster", legal="--cluster tcp://HOST:PORT or local:N")
+    return given
+
+
+def draw_there(job: Job, source: Source, address: str, given: Mapping[str, Any]) -> None:
+    """Draw the pictures on the workers of a cluster, and join what belongs together here."""
+    from raymarch.cli.on_cluster import Where, render_on_cluster  # Dask takes tenths of a second to import
+    from raymarch.cluster.submit import TIMEOUT, Options
+
+    options = Options(
+        given.get("mixed_drivers", False),
+        given.get("split_samples", 1),
+        given.get("batch"),
+        given.get("task_timeout", TIMEOUT),
+        job.backend,
+        job.device,
+    )
+    where = Where(address, given.get("workers"), options)
+    with ExitStack() as stack:
+        drawn, key, parts = render_on_cluster(
+            source, job.scene, job.shot, job.items, job.target, job.sequence, where, stack
+        )
+        if parts is not None:
+            join(job, drawn, key, parts)
 
 
 def explain_times(
@@ -267,95 +200,3 @@ def explain_times(
         errors.print("no effect to leave out: the time is that of the solid; `raymarch explain` shows its plan")
     for saving in found:
         errors.print(f"without {saving.words} less", markup=False, highlight=False)
-
-
-def _save(file: Path, writer: Callable[[Path], None], tell_end: Callable[[], None]) -> None:
-    write(file, writer, CommandError)
-    tell_end()
-
-
-def _report(file: Path, drawn: str, start: float, by: str, doubts: list[str], lines: Sequence[str]) -> None:
-    spent = 1e3 * (clock_time.perf_counter() - start)
-    errors.print(f"{file}  {drawn}, {spent:.0f} ms in all, {by}")
-    for doubt in doubts:
-        errors.print(f"raymarch: {doubt}")
-    for line in lines:
-        typer.echo(line)
-
-
-def _report_joined(target: Path, what: str, start: float, parts: Parts) -> None:
-    errors.print(f"{target}  {what}, {clock_time.perf_counter() - start:.1f} s to encode")
-    if note := parts.finish():
-        errors.print(f"raymarch: {note}")
-
-
-def join(target: Path, items: Sequence[Item], fps: float, size: tuple[int, int], key: str | None, parts: Parts) -> None:
-    """Write a film of its frames, or a picture of its tiles, and remove them."""
-    start = clock_time.perf_counter()
-    if target.suffix.lower() in FILMS:
-        join_film(target, items, fps, CommandError)
-        what = f"{len(items)} frames, {len(items) / fps:g} s"
-    else:
-        join_tiles(target, items, key, CommandError)
-        what = f"{size[0]}x{size[1]}, {len(items)} tiles"
-    _report_joined(target, what, start, parts)
-
-
-def _check_alpha(target: Path, view: str) -> None:
-    if view != "final":
-        raise CommandError(f"--alpha with --view {view}", legal="the final picture")
-    if target.suffix.lower() not in (".png", ".webp", ".tif", ".tiff"):
-        raise CommandError(f"--alpha with the output '{target}'", legal="a file ending in .png, .webp, .tif or .tiff")
-
-
-def _items(target: Path, time: float | None, frames: str | None, fps: float, size: tuple[int, int]) -> list[Item]:
-    check_suffix(target, CommandError)
-    if frames is None:
-        if target.suffix.lower() in FILMS:
-            raise CommandError(f"a film '{target}' without --frames", legal="--frames A:B, such as 0:90")
-        if target.suffix.lower() == ".exr":
-            import_optional(f"'{target}'", "OpenEXR", "exr")
-        return [Item("the picture", 0.0 if time is None else time, target, size)]
-    if time is not None:
-        raise CommandError("--time together with --frames", legal="one of them")
-    first, colon, last = frames.partition(":")
-    if not colon or not first.isdecimal() or not last.isdecimal() or int(first) >= int(last):
-        raise CommandError(f"--frames {frames}", legal="A:B with 0 <= A < B, such as 0:90")
-    if not 0 < fps < float("inf"):
-        raise CommandError(f"--fps {fps}", legal="a number > 0")
-    return frames_of(target, range(int(first), int(last)), fps, size, "--frames", CommandError)
-
-
-# The quality: the scene's, a preset, or one found by measurement
-
-Chooser: TypeAlias = Callable[[Scene, Renderer, float, Mapping[str, Any]], Quality]
-"""A function that returns the quality for a scene, a renderer, a time and parameters."""
-
-
-def choose_quality(preset: str | None, error: str | None, within: str | None) -> Chooser:
-    """The chooser for --quality, --error and --within. CommandError for invalid options, before anything is drawn."""
-    given = [name for name, value in (("--quality", preset), ("--error", error), ("--within", within)) if value]
-    if len(given) > 1:
-        raise CommandError(" together with ".join(given), legal="one of them")
-    if preset is not None:
-        if preset not in PRESETS:
-            raise CommandError(f"--quality {preset}", legal=", ".join(PRESETS))
-        return lambda scene, *_: scene.quality.to_preset(preset)
-    if error is None and within is None:
-        return lambda scene, *_: scene.quality
-    from raymarch.cost import search  # only a search uses the reference
-
-    if error is not None:
-        search.parse_error(error)
-        return lambda *where: _found(search.for_error, error, *where)
-    search.parse_time(str(within))
-    return lambda *where: _found(search.for_time, str(within), *where)
-
-
-def _found(
-    search: Callable[..., Any], target: str, scene: Scene, renderer: Renderer, time: float, params: Mapping[str, Any]
-) -> Quality:
-    with watched() as tell:
-        found = search(scene, target, renderer.size, time, params, renderer=renderer, progress=tell)
-    errors.print(f"{target}: {found.words}")
-    return found.quality

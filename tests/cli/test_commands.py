@@ -351,7 +351,7 @@ def test_explain_plans_for_the_size_of_the_picture(folder, capsys):
 
 def test_without_the_package_of_exr_nothing_is_drawn_and_the_file_is_named(folder, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "OpenEXR", None)
-    monkeypatch.setattr("raymarch.cli.render.Renderer", lambda *_: pytest.fail("it was drawn"))
+    monkeypatch.setattr("raymarch.cli.drawing.Renderer", lambda *_: pytest.fail("it was drawn"))
     assert run("render", "hello.py", "-o", "a.exr", "--size", "16x9") == 2
     assert "'a.exr' needs the package OpenEXR (pip install OpenEXR)" in capsys.readouterr().err
     assert files(folder) == {"hello.py"}
@@ -368,7 +368,7 @@ def test_a_failure_on_the_way_leaves_no_file(folder, monkeypatch):
     def fails(*_: object) -> None:
         raise RuntimeError("planted")
 
-    monkeypatch.setattr("raymarch.cli.render.shown", lambda *_: Shown(fails, fails))  # with the file open
+    monkeypatch.setattr("raymarch.cli.drawing.shown", lambda *_: Shown(fails, fails))  # with the file open
     with pytest.raises(RuntimeError, match="planted"):
         main(["render", "hello.py", "--size", "16x9"])
     assert files(folder) == {"hello.py"}
@@ -376,7 +376,7 @@ def test_a_failure_on_the_way_leaves_no_file(folder, monkeypatch):
 
 def test_a_fault_of_ours_is_code_1(folder):
     code = (
-        "import raymarch.cli.render as m\ndef f(*a): raise RuntimeError('planted')\nm.shown = f\n"
+        "import raymarch.cli.drawing as m\ndef f(*a): raise RuntimeError('planted')\nm.shown = f\n"
         "from raymarch.cli import main\nmain()"
     )
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}

@@ -227,9 +227,9 @@ def test_a_large_picture_is_drawn_in_tiles_and_resumed(
     assert run(*command) == 0
     whole, plain = np.asarray(Image.open(name)), Path(name).read_bytes()
     Path(name).unlink()
-    for module in ("raymarch.cli.render", "raymarch.export.sequence"):
+    for module in ("raymarch.cli.job", "raymarch.export.sequence"):
         monkeypatch.setattr(sys.modules[module], "LARGE", 100)
-    monkeypatch.setattr(sys.modules["raymarch.cli.render"], "EDGE", 32)
+    monkeypatch.setattr(sys.modules["raymarch.cli.job"], "EDGE", 32)
     capsys.readouterr()
     assert run(*command) == 0
     assert f"{name}  70x50, 6 tiles" in capsys.readouterr().err

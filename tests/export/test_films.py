@@ -166,15 +166,14 @@ def test_other_files_in_the_folder_of_tiles_stay(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(import_module("raymarch.export.sequence"), "LARGE", 100)
-    render = import_module("raymarch.cli.render")
-    monkeypatch.setattr(render, "EDGE", 16)
+    monkeypatch.setattr(import_module("raymarch.cli.job"), "EDGE", 16)
     command = ("render", "ball.py", "-o", "a.png", "--size", "32x20")
     assert run(*command) == 0 and files(folder) == {"ball.py", "a.png"}
     (folder / "a.png.tiles").mkdir()
     (folder / "a.png.tiles" / "tile_000000_000000.png").write_text("mine")
     assert run(*command) == 0 and "keeps 1 files" in capsys.readouterr().err
     assert [file.read_text() for file in (folder / "a.png.tiles").iterdir()] == ["mine"]
-    monkeypatch.setattr(render, "draw", lambda *_: 1 / 0)
+    monkeypatch.setattr(import_module("raymarch.cli.drawing"), "draw", lambda *_: 1 / 0)
     (folder / "a.png.tiles" / "tile_000000_000000.png").unlink()
     with pytest.raises(ZeroDivisionError):
         run(*command)

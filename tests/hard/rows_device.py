@@ -56,7 +56,7 @@ def failing(world: World) -> Iterator[Figure]:
 def half_written(world: World, folder: Path) -> int:
     from typer.testing import CliRunner
 
-    import raymarch.cli.render as command
+    import raymarch.cli.drawing as command
     from raymarch.cli import app
     from raymarch.errors import DeviceError
 
