@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from raymarch.cost import plot_ray as plot_ray
     from raymarch.cost import ray_samples as ray_samples
     from raymarch.errors import *
-    from raymarch.export import Measures as Measures
     from raymarch.export import export as export
-    from raymarch.export import figure as figure
-    from raymarch.export import measure as measure
     from raymarch.export import triangulate as triangulate
+    from raymarch.export.annotated import figure as figure
+    from raymarch.export.measures import Measures as Measures
+    from raymarch.export.measures import measure as measure
     from raymarch.export.notebook import show as show
     from raymarch.expr.maths import *
     from raymarch.gpu import Frame as Frame
@@ -62,7 +62,9 @@ _SEARCHED = ("raymarch.errors", "raymarch.expr.maths", "raymarch.sdf", "raymarch
 _MODULES = {
     "raymarch.cluster.frames": "render_frames",
     "raymarch.cost": "RaySamples plot_ray ray_samples",
-    "raymarch.export": "Measures export figure measure triangulate",
+    "raymarch.export": "export triangulate",
+    "raymarch.export.annotated": "figure",
+    "raymarch.export.measures": "Measures measure",
     "raymarch.export.notebook": "show",
     "raymarch.gpu": "Frame Renderer render",
     "raymarch.gpu.probe": "Probe probe",
