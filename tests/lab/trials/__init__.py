@@ -1,0 +1,1 @@
+"""Trials from outside: shapes and light that were once wrong, tried again through the public API alone."""
