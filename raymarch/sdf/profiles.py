@@ -104,6 +104,9 @@ def extrude(node: Node, height: Scalar = 1.0, scale: Scalar = 1.0, twist: Scalar
     return rotate(upright, 0.5 * math.pi, "x")
 
 
+extrude.definition = straight.definition  # type: ignore[attr-defined]  # by which a pickle finds it
+
+
 Easing: TypeAlias = Callable[[Expr], Expr]
 
 EASINGS: Mapping[str, tuple[Easing, float]] = {
@@ -307,6 +310,9 @@ def revolve(node: Node, offset: Scalar = 0.0, angle: Scalar = math.tau) -> Node:
         what = f"revolve: angle from {low:.4g} to {high:.4g}"
         raise SceneError(what, legal="a range up to pi, or from pi on")
     return intersection(made, union(*sides))
+
+
+revolve.definition = whole_turn.definition  # type: ignore[attr-defined]
 
 
 # From 3D to 2D

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import raymarch as rm
-from raymarch.sdf.pickling import pickled, remake
+from raymarch.sdf.definition import REGISTRY
+from raymarch.sdf.pickling import name_of, pickled, remake
 from tests.support.node_samples import samples
 
 
@@ -46,3 +47,10 @@ def test_nothing_is_derived_until_it_is_read() -> None:
     assert all(n.known_facts is None for n in (node, *node.children))
     assert node.bounds[0].shape == (3,)
     assert all(n.known_facts is not None for n in (node, *node.children))
+
+
+@pytest.mark.parametrize("name", sorted(REGISTRY))
+def test_a_definition_is_found_by_the_name_that_a_pickle_keeps(name: str) -> None:
+    """Also where a public function of that name stands in front of it."""
+    definition = REGISTRY[name]
+    assert name_of(definition) is not None
