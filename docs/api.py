@@ -16,6 +16,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "Pictures": ("render", "studio", "Renderer", "Frame", "show", "figure", "Slice"),
     "Reference and proof": ("truth", "Truth", "raycast", "Hits", "prove", "Proof", "probe", "Probe"),
     "One ray": ("plot_ray", "ray_samples", "RaySamples", "floor_evaluations"),
+    "Solids between points": ("tube", "cone_between", "round_cone_between"),
     "Files": ("export", "triangulate", "measure", "Measures", "render_frames"),
     "Expressions": (
         *("value_noise", "gradient_noise", "worley", "fbm", "turbulence", "ridged"),

@@ -40,6 +40,7 @@ from raymarch.sdf.repetition import repeat
 from raymarch.sdf.rounds import *
 from raymarch.sdf.sampled import *
 from raymarch.sdf.solids import *
+from raymarch.sdf.tubes import *
 from raymarch.sdf.visibility import visible
 
 if not TYPE_CHECKING:  # type checkers know the public names by the imports of all names

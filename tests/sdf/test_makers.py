@@ -103,3 +103,51 @@ def test_many_wide_copies_around_an_axis() -> None:
 def test_refused(make: Any, message: str) -> None:
     with pytest.raises(rm.SceneError, match=message):
         make()
+
+
+def test_cones_between_points_are_those_about_y() -> None:
+    a, b = np.array((0.3, -0.4, 0.5)), np.array((1.0, 0.8, -0.6))
+    apart = float(np.linalg.norm(b - a))
+    along = (POINTS - a) @ (b - a) / apart
+    across = np.linalg.norm(POINTS - a - along[:, None] * (b - a) / apart, axis=1)
+    turned = np.stack([across, along - apart / 2, np.zeros(len(along))], axis=1)
+    for made, known in (
+        (rm.cone_between(a, b, 0.5, 0.2), rm.cone(0.5, apart, 0.2)),
+        (rm.round_cone_between(a, b, 0.5, 0.2), rm.round_cone(0.5, apart, 0.2)),
+    ):
+        assert made.exactness == "exact"
+        np.testing.assert_allclose(made.distance(POINTS), known.distance(turned), atol=1e-12)
+    below = rm.round_cone_between((0, 1, 0), (0, -1, 0), 0.5, 0.2)
+    np.testing.assert_allclose(
+        below.distance(POINTS), rm.round_cone(0.5, 2, 0.2).distance(POINTS * [1, -1, 1]), atol=1e-12
+    )
+
+
+def test_a_tube_touches_a_ball_at_each_point_and_follows_a_curve() -> None:
+    path, radii = np.array([(0, 0, 0), (1, 0.5, 0), (2, 0, 1), (2, 1, 2)]), np.array([0.3, 0.1, 0.25, 0.05])
+    straight, curved = rm.tube(path, radii), rm.tube(path, radii, segments=8)
+    balls = np.min([np.linalg.norm(POINTS - c, axis=1) - r for c, r in zip(path, radii, strict=True)], axis=0)
+    for made in (straight, curved):
+        assert np.all(made.distance(POINTS) <= balls + 1e-12)
+        np.testing.assert_allclose(made.distance(path), -radii, atol=0.02)
+    assert len(curved.children) == 24
+    middle = rm.tube(path, 0.1, segments=2).children[2].bounds
+    assert np.all(middle[0] - 0.1 < path[1]) and np.all(path[1] < middle[1] + 0.1)
+    inner = rm.tube([(0, 0, 0), (0.1, 0, 0), (1, 0, 0)], (0.5, 0.1, 0.1))
+    np.testing.assert_allclose(inner.bounds, [(-0.5, -0.5, -0.5), (1.1, 0.5, 0.5)], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: rm.tube([(0, 0, 0)]), "two or more points"),
+        (lambda: rm.tube([(0, 0, 0), (0, 0, 0)]), "different from the one before"),
+        (lambda: rm.tube([(0, 0, 0), (1, 0, 0)], (1, 2, 3)), "a number > 0, or 2 of them"),
+        (lambda: rm.tube(np.arange(300.0).reshape(100, 3), segments=32), "3168 pieces"),
+        (lambda: rm.cone_between((0, 0, 0), (0, 0, 0)), "the same point"),
+        (lambda: rm.round_cone_between((0, 0, 0), (0, 0.1, 0), 1, 0.2), "one ball contains the other"),
+    ],
+)
+def test_tubes_refused(make: Any, message: str) -> None:
+    with pytest.raises(rm.SceneError, match=message):
+        make()
