@@ -172,7 +172,7 @@ def specimen(definition: Definition, name: str) -> Node | None:
 def solid(node: Node) -> Node:
     """The node as a bounded solid: flat shapes are extruded, unbounded ones clipped by a box."""
     if node.dimension == 2:
-        node = REGISTRY["extrude"].make((node,), (0.3,), {})
+        node = REGISTRY["straight_extrusion"].make((node,), (0.3,), {})
     if not node.facts.bounded:
         node = node & rm.box(2.4)
     return node

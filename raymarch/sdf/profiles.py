@@ -49,8 +49,9 @@ def _prism_bounds(lower: Expr, upper: Expr, height: Expr) -> tuple[Expr, Expr]:
     spread=lambda child: child.spread,
     convex=True,
     child_dimension=2,
+    called="extrude",
 )
-def extrude(p: Expr, child: Child, height: Positive = 1.0) -> Expr:
+def straight_extrusion(p: Expr, child: Child, height: Positive = 1.0) -> Expr:
     """Extrude a flat shape along z, half of the height on either side of the xy plane.
 
     height : full extent along z, > 0.
@@ -61,10 +62,7 @@ def extrude(p: Expr, child: Child, height: Positive = 1.0) -> Expr:
     return _prism(child(p.xy), p.z, height)
 
 
-straight = extrude
-
-
-@method  # type: ignore[no-redef]
+@method
 def extrude(node: Node, height: Scalar = 1.0, scale: Scalar = 1.0, twist: Scalar = 0.0) -> Node:
     """Extrude a flat shape along z, half of the height on either side of the xy plane.
 
@@ -86,7 +84,7 @@ def extrude(node: Node, height: Scalar = 1.0, scale: Scalar = 1.0, twist: Scalar
     -----
     Exact for an exact shape without scale and twist. With them a bound: see `taper` and `twist`.
     """
-    made = straight(node, height)
+    made = straight_extrusion(node, height)
     factor = Domain(FLOAT, low=0.01).accept("extrude", "scale", scale)
     angle = Domain(FLOAT, unit="radians").accept("extrude", "twist", twist)
     grows = not (factor.is_constant and factor.data == 1.0)
@@ -96,15 +94,12 @@ def extrude(node: Node, height: Scalar = 1.0, scale: Scalar = 1.0, twist: Scalar
     middle = 0.5 * (1.0 + factor)
     profile = rotate(node, 0.5 * angle) if turns else node
     profile = enlarge(profile, middle) if grows else profile
-    upright = rotate(straight(profile, height), -0.5 * math.pi, "x")
+    upright = rotate(straight_extrusion(profile, height), -0.5 * math.pi, "x")
     if turns:
         upright = twist_solid(upright, angle / height)
     if grows:
         upright = taper(upright, (factor - 1.0) / (height * middle))
     return rotate(upright, 0.5 * math.pi, "x")
-
-
-extrude.definition = straight.definition  # type: ignore[attr-defined]  # by which a pickle finds it
 
 
 Easing: TypeAlias = Callable[[Expr], Expr]
@@ -261,8 +256,9 @@ def _exact_if_clear(child: Facts, offset: Expr) -> Exactness:
     spread=lambda child: child.spread,
     convex=lambda child, offset: child.convex and _mirrored(child, offset),
     child_dimension=2,
+    called="revolve",
 )
-def revolve(p: Expr, child: Child, offset: Length = 0.0) -> Expr:
+def whole_revolution(p: Expr, child: Child, offset: Length = 0.0) -> Expr:
     """Revolve a flat shape about the y axis.
 
     offset : distance by which the shape is first moved along +x, away from the axis. The part at x < 0 is cut off.
@@ -273,10 +269,7 @@ def revolve(p: Expr, child: Child, offset: Length = 0.0) -> Expr:
     return child(vec2(length(p.xz) - offset, p.y))
 
 
-whole_turn = revolve
-
-
-@method  # type: ignore[no-redef]
+@method
 def revolve(node: Node, offset: Scalar = 0.0, angle: Scalar = math.tau) -> Node:
     """Revolve a flat shape about the y axis.
 
@@ -298,7 +291,7 @@ def revolve(node: Node, offset: Scalar = 0.0, angle: Scalar = math.tau) -> Node:
     A whole turn is exact for an exact shape that does not touch the axis, or that is symmetric about it (offset 0).
     Else a bound.
     """
-    made = whole_turn(node, offset)
+    made = whole_revolution(node, offset)
     turn = Domain(FLOAT, low=0.0, high=math.tau, open=True, unit="radians").accept("revolve", "angle", angle)
     low, high = interval_of(turn)
     if low >= math.tau * (1.0 - 1e-6):
@@ -310,9 +303,6 @@ def revolve(node: Node, offset: Scalar = 0.0, angle: Scalar = math.tau) -> Node:
         what = f"revolve: angle from {low:.4g} to {high:.4g}"
         raise SceneError(what, legal="a range up to pi, or from pi on")
     return intersection(made, union(*sides))
-
-
-revolve.definition = whole_turn.definition  # type: ignore[attr-defined]
 
 
 # From 3D to 2D

@@ -18,7 +18,7 @@ SOME = (
     "torus",
     "repeat_cells",
     "twist_about_y",
-    "extrude",
+    "straight_extrusion",
     "pyramid",
     "moon",
     "scale_axes",

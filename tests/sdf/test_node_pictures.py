@@ -34,7 +34,7 @@ def renderer(egl: Context) -> Iterator[Renderer]:
 def solid(node: Node) -> Node:
     """Something to look at: flat shapes get a thickness, endless ones an end."""
     if node.dimension == 2:
-        node = REGISTRY["extrude"].make((node,), (0.3,), {})
+        node = REGISTRY["straight_extrusion"].make((node,), (0.3,), {})
     return node if node.facts.bounded else node & rm.box(1.2)
 
 
