@@ -219,17 +219,16 @@ def textures(made: Plan, shader: Shader, values: Values) -> Iterator[tuple[str, 
     for name, data in shader.samples.items():
         if name in shader.constants:
             continue
-        size = " x ".join(map(str, data.size))
         if isinstance(data, Texels):
             wrap = "repeat" if data.wrap == "repeat" else "clamp to edge"
             how = f"{data.channels} half floats, {len(data.levels)} levels, filtered linearly, {wrap}"
-            yield name, f"{data.label}: {size}, {how}", list(data.levels)
-        elif isinstance(data, Table):
-            shape = (*data.size[::-1], data.channels)
-            content = np.frombuffer(data.texels(), np.float32).reshape(shape)
-            yield name, f"{data.label}: {size}, {data.channels} floats, nearest texel", [content]
+            yield name, f"{data.label}: {' x '.join(map(str, data.size))}, {how}", list(data.levels)
         else:
-            yield name, f"{data.label}, a float each, nearest texel", [data.values]
+            extent, channels, content = data.texture()
+            array = np.frombuffer(content, np.float32).reshape(*extent[::-1], channels)
+            corners = ", the corners of a cell" if isinstance(data, Samples) and data.dimension == 2 else ""
+            floats = f"{channels} floats{corners}" if channels > 1 else "a float each"
+            yield name, f"{data.label}: {' x '.join(map(str, extent))}, {floats}, nearest texel", [array]
     if made.lights_as_data and LIGHTS not in shader.constants:
         rows = light_rows(made, values)
         yield LIGHTS, f"lights: {rows.shape[1]} x {rows.shape[0]}, 4 floats, nearest texel", [rows]

@@ -6,6 +6,7 @@ The GLSL fetches texels and interpolates in float32, because texture units round
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -48,7 +49,16 @@ class Samples(Data):
     @property
     def nbytes(self) -> int:
         """Size of the texture in bytes."""
-        return self.values.nbytes
+        return 16 * math.prod(n - 1 for n in self.size) if self.dimension == 2 else self.values.nbytes
+
+    def texture(self) -> tuple[tuple[int, ...], int, bytes]:
+        """Size, channels and content of the texture. In 2D a texel holds the four corners of a cell, so that one fetch
+        finds all that is interpolated."""
+        if self.dimension == 3:
+            return self.size, 1, self.values.tobytes()
+        v = self.values
+        corners = np.stack([v[:-1, :-1], v[:-1, 1:], v[1:, :-1], v[1:, 1:]], axis=-1)
+        return corners.shape[1::-1], 4, corners.tobytes()
 
     @property
     def size(self) -> tuple[int, ...]:
@@ -141,30 +151,33 @@ def glsl_helper(dimension: int, constant: bool = False) -> str:
     constant : `constant_number(i)` gives the numbers, and the data are an ivec3 or ivec4: where they start,
     and their size along each axis.
     """
-    text = _in_plane if dimension == 2 else _in_space
+    if not constant and dimension == 2:
+        return _in_plane("sampler2D", "textureSize(data, 0) - 1", "texelFetch(data, cell, 0)")
     if not constant:
-        return text(f"sampler{dimension}D", "textureSize(data, 0)", lambda at: f"texelFetch(data, {at}, 0).r")
+        return _in_space("sampler3D", "textureSize(data, 0)", lambda at: f"texelFetch(data, {at}, 0).r")
     type, size, row = (
-        ("ivec3", "data.yz", "at.y") if dimension == 2 else ("ivec4", "data.yzw", "(at.y + data.z * at.z)")
+        ("ivec3", "data.yz - 2", "at.y") if dimension == 2 else ("ivec4", "data.yzw", "(at.y + data.z * at.z)")
     )
     read = f"""float constant_number({type} data, ivec{dimension} at) {{
     return constant_number(data.x + at.x + data.y * {row});
 }}
 
 """
-    return read + text(type, size, lambda at: f"constant_number(data, {at})")
+    if dimension == 3:
+        return read + _in_space(type, size, lambda at: f"constant_number(data, {at})")
+    corners = ", ".join(f"constant_number(data, cell + ivec2({x}, {y}))" for y in (0, 1) for x in (0, 1))
+    return read + _in_plane(type, size, f"vec4({corners})")
 
 
-def _in_plane(type: str, size: str, read: Callable[[str], str]) -> str:
+def _in_plane(type: str, last: str, corners: str) -> str:
     return f"""vec3 interpolated({type} data, vec2 at) {{
     // (d/dx, d/dy, value), per texel
-    ivec2 cell = ivec2(clamp(floor(at), vec2(0.0), vec2({size} - 2)));
+    ivec2 cell = ivec2(clamp(floor(at), vec2(0.0), vec2({last})));
     vec2 w = at - vec2(cell);
-    float a = {read("cell")};
-    float b = {read("cell + ivec2(1, 0)")};
-    float c = {read("cell + ivec2(0, 1)")};
-    float d = {read("cell + ivec2(1, 1)")};
-    return vec3(mix(b - a, d - c, w.y), mix(c - a, d - b, w.x), mix(mix(a, b, w.x), mix(c, d, w.x), w.y));
+    vec4 h = {corners};  // x runs first, then y
+    vec2 rise = mix(h.yz - h.x, h.w - h.zy, w.yx);
+    vec2 rows = mix(h.xz, h.yw, w.x);
+    return vec3(rise, mix(rows.x, rows.y, w.y));
 }}"""
 
 

@@ -58,9 +58,9 @@ class Table(Data):
         width, height = self.size
         return 4 * self.channels * width * height
 
-    def texels(self) -> bytes:
-        """The content of the texture, line by line."""
-        return self.values.tobytes() + bytes(self.nbytes - self.values.nbytes)
+    def texture(self) -> tuple[tuple[int, ...], int, bytes]:
+        """Size, channels and content of the texture, line by line."""
+        return self.size, self.channels, self.values.tobytes() + bytes(self.nbytes - self.values.nbytes)
 
 
 class LiveTable(Data):

@@ -206,13 +206,10 @@ class PingPong(Releasing):
 
 def upload(context: Context, data: Samples | Table) -> moderngl.Texture | moderngl.Texture3D:
     """Upload sampled data or a table as a float32 texture for texelFetch. DeviceError if it does not fit."""
-    content = data.texels() if isinstance(data, Table) else data.values.tobytes()
     with context.bound():
         try:
             make: Any = context.gl.texture if data.dimension == 2 else context.gl.texture3d
-            texture: moderngl.Texture | moderngl.Texture3D = make(
-                data.size, data.channels, content, alignment=1, dtype="f4"
-            )
+            texture: moderngl.Texture | moderngl.Texture3D = make(*data.texture(), alignment=1, dtype="f4")
         except moderngl.Error as fault:
             raise DeviceError(f"no texture for {data.label}, {data.size}: {fault}", legal="smaller data") from fault
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)

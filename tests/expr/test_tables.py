@@ -44,7 +44,7 @@ def test_its_interval_holds_the_texels_of_the_index() -> None:
 
 def test_equal_content_is_an_equal_table() -> None:
     assert table(2) == table(2) and hash(table(2)) == hash(table(2)) and table(2).name == table(2).name
-    assert table(2) != table(4) and len(table(2).texels()) == table(2).nbytes == 8 * 2 * WIDTH
+    assert table(2) != table(4) and len(table(2).texture()[2]) == table(2).nbytes == 8 * 2 * WIDTH
 
 
 @pytest.mark.parametrize("values", [np.zeros((0, 4)), np.zeros((5, 3)), np.zeros(5)])

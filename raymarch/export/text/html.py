@@ -133,8 +133,8 @@ def _textures(made: Plan, shader: Shader, values: Values) -> Iterator[dict[str, 
 
 
 def _numbers(name: str, data: Samples | Table) -> dict[str, Any]:
-    content = data.texels() if isinstance(data, Table) else data.values.tobytes()
-    return _texture(name, content, data.size, data.channels)
+    size, channels, content = data.texture()
+    return _texture(name, content, size, channels)
 
 
 def _texture(
