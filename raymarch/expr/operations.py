@@ -38,6 +38,27 @@ def straight_lines(roots: Sequence[Expr]) -> list[int]:
     return [outside, *inside]
 
 
+READING = frozenset({"sample", "fetch"})
+"""Operations that read a texel."""
+
+
+def reads(roots: Sequence[Expr]) -> int:
+    """Texels that one evaluation reads."""
+    count = 0
+    for node in topological(roots):
+        if node.op == "call":
+            count += _reads_once(node.data)
+        elif node.op == "loop":
+            count += node.data.count * reads(node.data.inner)
+        else:
+            count += node.op in READING
+    return count
+
+
+def _reads_once(definition: Function) -> int:
+    return definition.once("reads", lambda: reads(definition.inner))
+
+
 def _counted(roots: Sequence[Expr], turns: bool) -> tuple[int, list[int]]:
     """Operations outside of loops, and in each loop."""
     outside, inside = 0, list[int]()

@@ -247,7 +247,7 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
     @cached_property
     def textures(self) -> list[Samples | Texels | Table]:
         """The pictures and sampled data that the field and the materials read, each once."""
-        functions = (self.field, self.material, self.relief, self.emission, self.glass)
+        functions = (self.field, self.advance, self.material, self.relief, self.emission, self.glass)
         roots = [root for function in functions if function is not None for root in function.inner]
         if any(p.shades for p in self.passes):
             roots.append(self.scene.sky.radiance)

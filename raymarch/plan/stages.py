@@ -19,7 +19,7 @@ from raymarch.expr.derivative import companion
 from raymarch.expr.function import Function
 from raymarch.expr.node import Expr, var
 from raymarch.expr.operations import operations as count_operations
-from raymarch.expr.operations import straight_lines
+from raymarch.expr.operations import reads, straight_lines
 from raymarch.expr.types import FLOAT, VEC3, Type
 from raymarch.plan import analytic, lights, marching, shading
 from raymarch.plan.analytic import Analytic
@@ -367,7 +367,8 @@ def marching_of(asked: Asked, fields: FieldPlan, size: tuple[int, int] | None) -
     """The tracer and the cones of the marched solids."""
     closed, cells = fields.analytic, bool(fields.gathered.rows)
     marched = count_operations([closed.rest.body], turns=not cells) if closed.rest else fields.operations
+    read = reads([(closed.rest or fields.field).body])
     far = not all(node.facts.bounded for node in (closed.marched if closed.used else [asked.scene.node]))
     some = bool(closed.marched) or not closed.used
     ahead = partial(fields.advancing, True) if some else None
-    return marching.choose(asked.scene, marched, size, asked.standalone, cells, closed.used, far, ahead)
+    return marching.choose(asked.scene, marched, size, asked.standalone, cells, closed.used, far, ahead, read)

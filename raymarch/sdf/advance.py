@@ -28,6 +28,7 @@ from raymarch.expr.walk import depends_on, find, rebuild, run, substitute, topol
 from raymarch.sdf.asked import Ask, Piece, Scope, in_box, in_pieces, values_of
 from raymarch.sdf.convexity import hull_of, is_concave_fold, is_convex, known_parts
 from raymarch.sdf.facts import FARTHEST
+from raymarch.sdf.heights_ahead import free_over
 from raymarch.sdf.implicit_ahead import free_way
 from raymarch.sdf.intersections import interval_of_ray
 from raymarch.sdf.labels import flattened, rows_of
@@ -150,7 +151,7 @@ class Advancing:
             template = reading_of(node.definition.template(0, node.params), ask.undivided)
             pair = along(template)(ask.point, ask.direction, *values_of(node))
             return self._tangent(ask, self._divided_value(ask, pair))
-        if (way := _way_of_implicit(ask)) is not None:
+        if (way := _way_on_stretch(ask)) is not None:
             made = self._by_constant(ask, self._field(ask)(ask.point))
             return in_box(ask, Reading(made.value, made.line, way).beside(made.line))
         hull = None if ask.negated else hull_of(node)
@@ -337,6 +338,27 @@ def implicit_nodes(root: Node) -> list[Node]:
     return [n for n in children_first(root) if is_implicit(n) and free_way(n.params["function"], False) is not None]
 
 
+PLACING = ("union", "select", "rigid", "scale")
+"""Placings of operators that answer along a stretch as their children do."""
+
+
+def steepest_slopes(root: Node) -> list[float]:
+    """By what the fields of the height maps of a tree are divided, which the advance is not; 1 for a map that is not
+    only placed and united: blended, it answers with its distance near the seam."""
+    found, pending = list[float](), [(root, True)]
+    visited: set[tuple[int, bool]] = set()
+    while pending:
+        node, placed = pending.pop()
+        if (id(node), placed) in visited:
+            continue
+        visited.add((id(node), placed))
+        if node.definition.name == "terrain":
+            found.append(node.facts.divisor if placed else 1.0)
+        kept = placed and (node.label is not None or node.placed_as in PLACING)
+        pending += [(child, kept) for child in node.children]
+    return found
+
+
 DEEPEST = 100
 """Largest number of nodes one above the other of a tree that is read: the readings of a chain are nested functions."""
 
@@ -349,14 +371,19 @@ def readable(root: Node) -> bool:
     return root.facts.exactness != "estimate" and depth[id(root)] <= DEEPEST
 
 
-def _way_of_implicit(ask: Ask) -> Ahead | None:
-    """The advance of an implicit surface on the stretch that is looked at; None for other nodes."""
+def _way_on_stretch(ask: Ask) -> Ahead | None:
+    """The advance of an implicit surface or a height map on the stretch that is looked at; None for other nodes."""
+    params = ask.node.params
+    if ask.node.definition.name == "terrain" and not ask.negated:
+        over, unit = free_over(params["data"]), ONE if ask.undivided else const(ask.node.facts.divisor)
+        size, height = params["size"], params["height"]
+        return lambda *at: over(ask.point, ask.direction, vec2(*at) * unit, size, height, STRETCH)
     if not is_implicit(ask.node):
         return None
-    free = free_way(ask.node.params["function"], ask.negated)
+    free = free_way(params["function"], ask.negated)
     if free is None:
         return None
-    lower, upper, *numbers = (ask.node.params[name] for name in ("lower", "upper", "level", "unit", "steepest"))
+    lower, upper, *numbers = (params[name] for name in ("lower", "upper", "level", "unit", "steepest"))
     scales = vec3(*numbers)
     return lambda *at: free(ask.point, ask.direction, lower, upper, vec2(*at), scales, STRETCH)
 

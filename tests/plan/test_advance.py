@@ -13,7 +13,7 @@ from raymarch.scene import load
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-@pytest.mark.parametrize("name", ["columns", "showcase/plates", "papers/lights", "papers/smoothing"])
+@pytest.mark.parametrize("name", ["columns", "showcase/plates", "papers/lights", "papers/smoothing", "showcase/lake"])
 def test_scenes_whose_solids_are_all_known_along_rays_take_it(name: str) -> None:
     marching = plan(load(EXAMPLES / f"{name}.py"), size=(320, 180)).marching
     assert marching.tracer == "advance" and "times the operations of the distance" in marching.tracer_reason
@@ -25,9 +25,9 @@ def test_scenes_whose_solids_are_all_known_along_rays_take_it(name: str) -> None
         ("csg", "a cut may leave a membrane"),
         ("village", "a cut may leave a membrane"),
         ("papers/frosted", "inside of solids too"),
-        ("papers/carpet", "of heightmap nothing but the distance"),
+        ("papers/carpet", "more than it saves"),
         ("large/city", "of repeat_varied nothing but the distance"),
-        ("showcase/lake", "inside of solids too"),
+        ("papers/glass", "inside of solids too"),
     ],
 )
 def test_scenes_that_lose_time_by_it_do_not(name: str, why: str) -> None:
@@ -41,6 +41,23 @@ def test_flat_fields_are_marched_by_distance() -> None:
     for tracer in ("auto", "advance"):
         marching = plan(scene.replace(quality=scene.quality.replace(tracer=tracer))).marching
         assert marching.tracer == "bracketing" and "flat" in marching.tracer_reason
+
+
+@pytest.mark.parametrize(
+    ("height", "blend", "standalone", "tracer"),
+    [
+        (6.0, 0.0, False, "advance"),
+        (0.2, 0.0, False, "bracketing"),
+        (6.0, 0.1, False, "bracketing"),
+        (6.0, 0.0, True, "bracketing"),
+    ],
+)
+def test_steep_height_maps_that_are_only_placed_and_united_take_it(
+    height: float, blend: float, standalone: bool, tracer: str
+) -> None:
+    land = rm.heightmap([[0, 1, 0], [1, 0, 1], [0, 1, 0.5]], height=height).rotate(0.4, "y")
+    scene = rm.Scene(rm.union(land, rm.sphere(), k=blend) | rm.plane(offset=-1))
+    assert plan(scene, size=(320, 180), standalone=standalone).marching.tracer == tracer
 
 
 def test_a_scene_without_marched_solids_asks_nothing() -> None:

@@ -66,6 +66,24 @@ def test_no_surface_lies_in_the_advance(sample: NodeSample) -> None:
     assert np.all((advance >= 0.0) & (advance > 0.999 * (plain - start) / (1.0 + growth) * node.lipschitz - 1e-9))
 
 
+@pytest.mark.parametrize("shape", [(2, 2), (3, 40), (33, 34)])
+def test_steep_heights_are_not_passed(shape: tuple[int, int]) -> None:
+    random = np.random.default_rng(8)
+    node = rm.heightmap(random.uniform(-1, 1, shape), size=(2, 3), height=0.7, base=0.8)
+    made = Advancing(Lowering()).function(node)
+    points, directions, _ = lines_through(node, 3000, 5)
+    points[::3, (0, 2)] = np.round(points[::3, (0, 2)], 1)  # on borders of cells
+    directions[::5, 0], directions[::7, 2] = 0.0, 0.0
+    stretches = 10.0 ** random.uniform(-3.0, 1.0, len(points))
+    zero = np.zeros(len(points))
+    (found,) = evaluator([made.body], [*made.params, STRETCH])(points, directions, zero, zero, stretches)
+    value, advance = found[:, 0], np.minimum(found[:, 1], 9.0)
+    assert np.all(value == node.distance(points)) and np.all(advance[value > 0.0] > 0.0)
+    for part in np.linspace(0.0, 0.999, 60):
+        there = node.distance(points + part * advance[:, None] * directions)
+        assert np.all(there[value > 1e-9] > -1e-9)
+
+
 def test_a_false_statement_of_convexity_is_found() -> None:
     node = rm.torus()
     assert not is_convex(node)
