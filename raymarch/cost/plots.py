@@ -21,6 +21,7 @@ STYLES = {
     "enhanced": ("#00795a", "D"),
     "auto_relaxed": ("#0066a8", "o"),
     "bracketing": ("#b4387f", "*"),
+    "advance": ("#101010", "P"),
 }
 """Colour and mark of each tracer in all figures. They differ for colour-blind readers too, and no colour is needed to
 tell them apart."""

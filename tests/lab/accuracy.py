@@ -70,8 +70,8 @@ def _head(made: Suite) -> str:
         "`python -m tests.lab.accuracy` writes this page. It repeats the comparison of Bálint and Valasek, "
         '"Accelerating Sphere Tracing" (2018), over scenes like the three of the paper, and adds later tracers. '
         "[cost.md](cost.md) describes how errors and times are measured. "
-        "Tracers here know values of the field alone; [steps by the advance](marching.md#steps-by-the-advance) also "
-        "know how it changes along the ray, and go below N\\*.\n\n"
+        "The tracer [`advance`](marching.md#steps-by-the-advance) also knows how the field changes along the ray, and "
+        "goes below N\\*; the others know values alone. Of an estimate it knows no more, and is `bracketing` there.\n\n"
         f"Measured on {env['date'][:10]}: {env['driver']['renderer']}, {env['driver']['version']}, by the {clock}; "
         f"{env['machine']['cores']} cores; {scale.size[0]}x{scale.size[1]} pixels, {scale.repeats} frames of each "
         f"setting in random order (seed {made.seed}); raymarch {env['versions']['raymarch']}. Times hold for this "
@@ -174,6 +174,8 @@ def _tracer_table(made: Suite, scene: Measured) -> str:
         "|---|---|---|---|---|---|",
     ]
     for tracer in TRACERS:
+        if tracer == "advance" and not floor > 0:
+            continue
         p = scene.point(tracer, "single", steps)
         ratio = f"{p.evaluations / floor:.2f}" if floor > 0 else "-"
         error = p.errors.p1_apart

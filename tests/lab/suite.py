@@ -22,11 +22,11 @@ from raymarch.scene.quality import PRESETS, Quality
 from raymarch.scene.scene import Scene
 
 SCENES = ("mandelbulb", "primitives", "village")
-TRACERS = ("plain", "relaxed_again", "relaxed", "enhanced", "auto_relaxed", "bracketing")
+TRACERS = ("plain", "relaxed_again", "relaxed", "enhanced", "auto_relaxed", "bracketing", "advance")
 """P1's relaxed tracer relaxes again after each overstep; Keinert's, `relaxed`, does not."""
 SCHEDULED = ("plain", "relaxed_again", "enhanced")
 SCHEDULES = ("single", "two", "four", "six", "cone")
-PAIRED = ("plain", "enhanced", "auto_relaxed", "bracketing")
+PAIRED = ("plain", "enhanced", "auto_relaxed", "bracketing", "advance")
 """Tracers of the comparison of products, each with and without cones."""
 EPSILONS = (0.5, 0.1, 0.02)
 BARE = Quality(refinement="none", schedule="single", epsilon=0.05, assume_certified=True, analytic=False)
