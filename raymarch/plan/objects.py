@@ -22,6 +22,7 @@ from raymarch.expr.vocabulary import all_of, clamp, dot, floor, length, normaliz
 from raymarch.expr.walk import substitute
 from raymarch.plan.bounding import nearer, value_and_gradient
 from raymarch.plan.cells import PAIRS, Cells, build
+from raymarch.plan.narrow import narrow
 from raymarch.scene.light import Light
 from raymarch.scene.scene import Scene, all_nodes
 from raymarch.scene.studio import in_studio
@@ -78,7 +79,7 @@ def misread(scene: Scene) -> list[Doubt]:
         effect = effect or "a penumbra"
     if not effect:
         return []
-    found: list[Doubt] = []
+    found = narrow(scene)
     if (node := flush_cut(scene.node)) is not None:
         what = f"{node.name} cuts flush with a face, where {effect} reads a membrane of no thickness that is not drawn"
         found.append(Doubt("plan", what, "a tool that reaches beyond the face", where=node.where))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -132,3 +133,31 @@ def test_soft_shadows_of_a_bent_solid_take_the_steps_that_its_slope_proves(rende
     renderer.resize((48, 27))
     assert evaluations_of(scene, renderer) < 23.0
     renderer.resize((15, 15))
+
+
+def blinds(width: float, between: float, turn: float = 0.0) -> rm.Node:
+    """Three slats side by side, 1 above a floor."""
+    slats = rm.box((width, 0.1, 2)).repeat((width + between, None, None), (3, 1, 1))
+    return rm.plane() | slats.rotate(turn, "y").translate((0, 1, 0))
+
+
+@pytest.mark.parametrize(
+    ("node", "softness", "told"),
+    [
+        (blinds(1.0, 0.1), 0.1, "gaps"),
+        (blinds(1.0, 0.1, 0.5), 0.1, "gaps"),
+        (blinds(1.0, 0.6), 0.1, ""),
+        (blinds(1.0, 0.1), 0.02, ""),
+        (rm.plane() | rm.capsule((-2, 1, 0), (2, 1, 0), 0.03), 0.1, "rods"),
+        (rm.plane() | rm.capsule((-2, 1, 0), (2, 1, 0), 0.03), rm.Param("softness", 0.1, 0.0, 0.5), "rods"),
+        (rm.plane() | rm.capsule((-2, 1, 0), (2, 1, 0), 0.3), 0.1, ""),
+        (rm.plane() | rm.box(1).translate((0, 1, 0)), 0.3, ""),
+        (rm.box(1), 0.3, ""),
+    ],
+)
+def test_penumbras_of_what_is_narrower_than_the_light_are_doubted(node: rm.Node, softness: Any, told: str) -> None:
+    sun = rm.Sun((0.1, 1, 0), shadow=True, softness=softness)
+    found = [d for d in plan(rm.Scene(node, lights=[sun])).warnings if "narrower" in d]
+    assert [told in d and d.endswith("(penumbra='sampled')") for d in found] == [True] * bool(told)
+    sampled = rm.Scene(node, lights=[sun.replace(penumbra="sampled")])
+    assert not any("narrower" in d for d in plan(sampled).warnings)

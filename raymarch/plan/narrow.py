@@ -1,0 +1,150 @@
+"""Gaps and rods narrower than the disc of a light, of whose penumbras `penumbra="two-sided"` knows too little.
+
+Points of the surface are found by Newton's method. From each, rays go along the normal to what faces it, through the
+solid, to the light and away from it to the surface that the shadow falls on. So the width of a gap, or of a rod, is
+compared with the radius of the light's disc there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raymarch.errors import Doubt, SceneError
+from raymarch.expr.arrays import evaluator, value_of
+from raymarch.expr.derivative import companion
+from raymarch.expr.function import Function
+from raymarch.expr.node import expr
+from raymarch.expr.operations import operations_of
+from raymarch.scene.light import Light
+from raymarch.scene.scene import Scene
+from raymarch.sdf.lower import Lowering
+from raymarch.sdf.node import Node
+
+Array = NDArray[np.float64]
+
+POINTS = 4096
+"""Number of points of a scene's box from which its surface is looked for."""
+
+MOST = 400
+"""Operations of an evaluation above which nothing is measured, because it would take seconds."""
+
+ENOUGH = 4
+"""Number of such points from which on a penumbra is doubted."""
+
+CURE = "penumbra='sampled'"
+
+
+def narrow(scene: Scene) -> list[Doubt]:
+    """Doubts about two-sided penumbras of gaps that are narrower than the light's disc and of rods that are thinner."""
+    lights = [light for light in scene.lights if light.soft and light.penumbra == "two-sided"]
+    box = scene.subject
+    if not lights or box is None or not box.bounded or operations_of(_field(scene.node)) > MOST:
+        return []
+    try:
+        points, normals = _surface(scene.node, tuple(box.lower), tuple(box.upper))
+        width = _Widths(scene.node, points, normals, float(np.linalg.norm(box.size)))
+    except SceneError:  # GLSL without a NumPy function
+        return []
+    found: list[Doubt] = []
+    for light in lights:
+        gaps, rods = width.beside_disc(light)
+        for count, what, error in (
+            (gaps, "gaps between solids that are", "up to 0.34"),
+            (rods, "rods and edges of plates that are", "up to 0.14"),
+        ):
+            if count >= ENOUGH:
+                what = f"the two-sided penumbra of {what} narrower than the light's disc is off by {error}"
+                found.append(Doubt("plan", what, CURE, where=light.where))
+    return [each for i, each in enumerate(found) if str(each) not in map(str, found[:i])]
+
+
+@lru_cache(maxsize=16)
+def _field(node: Node) -> Function:
+    return Lowering(rays="shadow").field(node)
+
+
+@lru_cache(maxsize=16)
+def _fields(node: Node) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
+    """The field of shadow rays, as values and as gradients with values."""
+    field = _field(node)
+    both = companion(field)
+    value, slope = evaluator([field.body], field.params), evaluator([both.body], both.params)
+
+    def values(p: Array) -> Array:
+        return np.broadcast_to(value(p)[0], len(p))
+
+    return values, lambda p: np.broadcast_to(slope(p)[0], (len(p), 4))
+
+
+def _surface(node: Node, lower: tuple[float, ...], upper: tuple[float, ...]) -> tuple[Array, Array]:
+    """Points of the surface in a box, with their normals."""
+    low, high = np.array(lower), np.array(upper)
+    size = float(np.linalg.norm(high - low))
+    points = np.random.default_rng(0).uniform(low, high, (POINTS, 3))
+    both = _fields(node)[1]
+    for _ in range(10):
+        found = both(points)
+        slope, value = found[:, :3], found[:, 3]
+        points = points - slope * (value / np.maximum((slope * slope).sum(axis=1), 1e-12))[:, None]
+    found = both(points)
+    steep = np.linalg.norm(found[:, :3], axis=1)
+    kept = (np.abs(found[:, 3]) <= 1e-5 * size) & (steep > 1e-3) & np.isfinite(points).all(axis=1)
+    kept &= ((points >= low - 1e-3 * size) & (points <= high + 1e-3 * size)).all(axis=1)
+    return points[kept], (found[:, :3] / np.maximum(steep, 1e-9)[:, None])[kept]
+
+
+class _Widths:
+    """Widths of the gap before each surface point and of the solid behind it, and the way to what is shaded there."""
+
+    def __init__(self, node: Node, points: Array, normals: Array, size: float) -> None:
+        self._values, self._size = _fields(node)[0], size
+        self._points, self._normals = points, normals
+        self.gap = self._free(points, normals, 1.0)
+        self.thickness = self._free(points, -normals, -1.0)
+
+    def _free(self, start: Array, way: Array, side: float, sizes: float = 2.0) -> Array:
+        """How far rays from a surface go before they leave a side of it; infinite beyond so many sizes of it."""
+        t = np.full(len(start), 1e-3 * self._size)
+        first = side * self._values(start + t[:, None] * way)
+        going = np.flatnonzero(first > 0.0)
+        for _ in range(40):
+            value = side * self._values(start[going] + t[going, None] * way[going])
+            t[going] += np.maximum(value, 0.0)
+            going = going[(value > 1e-4 * self._size) & (t[going] < sizes * self._size)]
+            if not len(going):
+                break
+        return np.where(t >= sizes * self._size, np.inf, np.where(first > 0.0, t, 0.0))
+
+    def beside_disc(self, light: Light) -> tuple[int, int]:
+        """The number of points at a gap that is narrower than the disc, and of those at a rod or plate that is."""
+        place = _now(light.position if light.has_position else light.sun_direction)  # type: ignore[attr-defined]
+        wide = float(_now(light.softness))
+        if not (np.isfinite(place).all() and np.isfinite(wide)):
+            return 0, 0
+        beside = self._points + 0.5 * np.where(np.isfinite(self.gap), self.gap, 0.0)[:, None] * self._normals
+        to_light = place - beside if light.has_position else np.broadcast_to(place, beside.shape)
+        far = np.linalg.norm(to_light, axis=1)
+        to_light = to_light / np.maximum(far, 1e-12)[:, None]
+        through = self._free(beside, -to_light, -1.0)  # the solid itself, where it is behind the point
+        start = np.where(np.isfinite(through), through, 0.0) + 2e-3 * self._size
+        behind = start + self._free(beside - start[:, None] * to_light, -to_light, 1.0, 1e4)
+        radius = wide * (behind / (behind + far) if light.has_position else behind)
+        facing = np.abs((self._normals * to_light).sum(axis=1))
+        seen = (facing < 0.85) & np.isfinite(radius) & (self.thickness > 0.0)
+        closed = self.gap < 2.5 * radius
+        passed = np.isinf(self._free(beside, to_light, 1.0))
+        wall = self._values(self._points + (self.gap + 0.2 * radius).clip(0, 1e9)[:, None] * self._normals) < 0.0
+        gaps = seen & closed & passed & wall & (self.thickness > 0.3 * radius)
+        sides = seen & (facing < 0.35) & ~closed
+        rods = sides & (self.thickness < 0.7 * radius)
+        return int(gaps.sum()), int(rods.sum()) if rods.sum() > 0.3 * sides.sum() else 0
+
+
+def _now(value: Any) -> Array:
+    """A value by the parameters and the time that are bound, or by their defaults."""
+    return np.asarray(value_of(expr(value)), np.float64)
