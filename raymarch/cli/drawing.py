@@ -6,9 +6,8 @@ import time as clock_time
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import typer
 
@@ -18,8 +17,8 @@ from raymarch.cli.progress import bar
 from raymarch.cli.views import shown
 from raymarch.errors import RenderWarning
 from raymarch.export import behind
-from raymarch.export.sequence import Contents, Item, Parts, join_film, join_tiles
-from raymarch.export.stills import draw, encoder, is_whole, key_of
+from raymarch.export.sequence import Contents, Item, Parts, Picture, Runner, join_film, join_tiles
+from raymarch.export.stills import key_of
 from raymarch.files import write
 from raymarch.gpu.renderer import Renderer
 
@@ -39,75 +38,28 @@ def draw_here(job: Job) -> None:
             behind.in_order() as later,
         ):
             warnings.simplefilter("ignore", RenderWarning)  # printed below, one on each line
-            drawing = _Drawing(job, renderer, progress, parts, add, later)
+            scene = job.scene.replace(quality=job.choose(job.scene, renderer, job.items[0].time, job.shot.params))
+            runner = Runner(renderer, scene, job.shot, parts, shown, reuse=job.sequence or job.large)
             for i, item in enumerate(job.items):
-                drawing.draw(i, item)
+                start = clock_time.perf_counter()
+                tell = partial(lambda before, share: progress(before + share), i)
+                item, made = runner.picture(item, job.at(i).params, tell)
+                if made is None:
+                    if not job.large:
+                        later(partial(errors.print, f"{item.file}  is already drawn"))
+                else:
+                    end = partial(progress, i + 1) if job.large else partial(_report, item, made, renderer, start)
+                    later(partial(_save, item.file, made.writer, end), made.writer.before)
+                if add is not None:
+                    add(item.file if made is None else made.view.image())
+                del made  # the next frame then reads no arrays of this one
             drawn_at, key = clock_time.perf_counter(), None
             if job.large:
-                key = key_of(Contents(drawing.scene, whole.shot).of(whole.items[0]), renderer.context.driver)
+                key = key_of(Contents(scene, whole.shot).of(whole.items[0]), renderer.context.driver)
         if job.film and parts is not None:
             _report_joined(job.target, _length(len(job.items), job.fps), drawn_at, parts)
         elif parts is not None:
             join(job, parts.all(job.items), key, parts)
-
-
-class _Drawing:
-    """Draws one item after another, while others write what was drawn.
-
-    progress : is told the number of items that are done. parts : the folder of a film or of tiles. add : adds a
-    picture to a film. later : runs a job in a thread, in order.
-    """
-
-    def __init__(
-        self,
-        job: Job,
-        renderer: Renderer,
-        progress: Callable[[float], None],
-        parts: Parts | None,
-        add: Callable[[Any], None] | None,
-        later: behind.Later,
-    ) -> None:
-        self.job, self.renderer, self.progress = job, renderer, progress
-        self.parts, self.add, self.later = parts, add, later
-        first = job.items[0]
-        self.scene = job.scene.replace(quality=job.choose(job.scene, renderer, first.time, job.shot.params))
-        self.contents = Contents(self.scene, job.shot, renderer)
-
-    def draw(self, index: int, item: Item) -> None:
-        start, renderer, shot = clock_time.perf_counter(), self.renderer, self.job.at(index)
-        if renderer.size != item.size:
-            renderer.resize(item.size)
-        key = None
-        if shot.suffix == ".png":
-            content = self.contents.of(item, shot.params)
-            key = key_of(content, renderer.context.driver)
-            item = item if self.parts is None else self.parts.placed(item, content)
-            if self._is_drawn(item, key):
-                return
-        tell = partial(lambda before, share: self.progress(before + share), index)
-        frame, doubts = draw(renderer, self.scene, shot, item.time, item.part, tell)
-        result = shown(renderer, frame, shot.view, self.scene, shot.params, tell)
-        image = cache(result.image)
-        writer = encoder(shot, frame, image, result.numbers, key, draft=self.parts is not None)
-        if self.add is not None:
-            self.add(image())
-        tell_end: Callable[[], None] = partial(self.progress, index + 1)
-        if not self.job.large:
-            width, height = item.size
-            by = f"{renderer.context.backend}: {renderer.context.driver.renderer}"
-            words = f"{width}x{height}  {frame.milliseconds:.1f} ms to draw ({renderer.clock.kind})"
-            tell_end = partial(_report, item.file, words, start, by, doubts, result.lines)
-        self.later(partial(_save, item.file, writer, tell_end), writer.before)
-
-    def _is_drawn(self, item: Item, key: str | None) -> bool:
-        """True for a frame or a tile of an earlier command, which is kept."""
-        if not (self.job.sequence or self.job.large) or key is None or not is_whole(item.file, [key]):
-            return False
-        if not self.job.large:
-            self.later(partial(errors.print, f"{item.file}  is already drawn"))
-        if self.add is not None:
-            self.add(item.file)
-        return True
 
 
 def join(job: Job, items: Sequence[Item], key: str | None, parts: Parts) -> None:
@@ -132,12 +84,15 @@ def _save(file: Path, writer: Callable[[Path], None], tell_end: Callable[[], Non
     tell_end()
 
 
-def _report(file: Path, drawn: str, start: float, by: str, doubts: list[str], lines: Sequence[str]) -> None:
-    spent = 1e3 * (clock_time.perf_counter() - start)
-    errors.print(f"{file}  {drawn}, {spent:.0f} ms in all, {by}")
-    for doubt in doubts:
+def _report(item: Item, made: Picture, renderer: Renderer, start: float) -> None:
+    spent, (width, height) = 1e3 * (clock_time.perf_counter() - start), item.size
+    errors.print(
+        f"{item.file}  {width}x{height}  {made.milliseconds:.1f} ms to draw ({renderer.clock.kind}), "
+        f"{spent:.0f} ms in all, {renderer.context.backend}: {renderer.context.driver.renderer}"
+    )
+    for doubt in made.doubts:
         errors.print(f"raymarch: {doubt}")
-    for line in lines:
+    for line in made.view.lines:
         typer.echo(line)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from raymarch.cli.common import CommandError, errors
+from raymarch.cli.common import CommandError, Sweep, errors
 from raymarch.cli.progress import watched
 from raymarch.export.film import FILMS
 from raymarch.export.sequence import EDGE, LARGE, LONG, Item, check_suffix, frames_of, is_large, tiles_of
@@ -20,9 +20,6 @@ from raymarch.scene.scene import Scene
 
 Chooser: TypeAlias = Callable[[Scene, Renderer, float, Mapping[str, Any]], Quality]
 """A function that returns the quality for a scene, a renderer, a time and parameters."""
-
-Sweep: TypeAlias = Callable[[float], dict[str, Any]]
-"""The parameters that move over a film, for a share of it from 0 to 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,11 +58,11 @@ class Job:
         named = self.target.suffix.lower() in FORMATS
         return not self.sequence and self.shot.view == "final" and named and is_large(self.size)
 
-    def tiled(self) -> Job:
+    def tiled(self, edge: int | None = None) -> Job:
         """The job whose items are the tiles of the picture. CommandError if its file cannot be written in tiles."""
-        if self.target.suffix.lower() in (".tif", ".tiff"):
+        if self.target.suffix.lower() in (".tif", ".tiff") and is_large(self.size):
             import_optional(f"a large '{self.target}'", "tifffile", "tiff")
-        tiles = tiles_of(self.target, self.items[0].time, self.size, EDGE, CommandError)
+        tiles = tiles_of(self.target, self.items[0].time, self.size, edge or EDGE, CommandError)
         return replace(self, items=tiles, shot=replace(self.shot, suffix=".png"))
 
     def at(self, index: int) -> Shot:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import time as clock_time
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
 from raymarch.cli.common import CommandError, errors
+from raymarch.cli.job import Job
 from raymarch.cli.progress import counted
 from raymarch.cluster.connect import check_address, connected
 from raymarch.cluster.frames import check, draw_items, failures
@@ -19,10 +19,8 @@ from raymarch.cluster.sweep import SHARED, Moment, sweep_on
 from raymarch.cluster.worker import Done, Refused
 from raymarch.cost.settings import Setting
 from raymarch.cost.sweep import Progress, Sweep
-from raymarch.export.film import FILMS
-from raymarch.export.sequence import Contents, Item, Parts, edge_of, is_large, tiles_of
-from raymarch.export.stills import FORMATS, Shot, key_of
-from raymarch.files import import_optional
+from raymarch.export.sequence import Contents, Item, Parts, edge_of
+from raymarch.export.stills import FORMATS, key_of
 from raymarch.scene.scene import Scene
 
 
@@ -46,39 +44,26 @@ class Where:
 
 
 def render_on_cluster(
-    source: Source,
-    scene: Scene,
-    shot: Shot,
-    items: Sequence[Item],
-    target: Path,
-    film: bool,
-    where: Where,
-    stack: ExitStack,
+    source: Source, job: Job, where: Where, stack: ExitStack
 ) -> tuple[Sequence[Item], str | None, Parts | None]:
-    """Draw the frames of a film, or the tiles of one picture. scene : of the source, with the quality to use.
+    """Draw the frames of a film, or the tiles of one picture. source : of the job's scene.
 
     Returns what was drawn, the items or the tiles, the key of the one picture, and the folder of parts that are to be
     joined, which `stack` closes.
     """
     check_address(where.address)
+    scene, items, shot = job.scene, job.items, job.shot
     resources, options = where.resources, where.options
     check(scene, shot, options)
     what, key = "frames", None
-    whole = Contents(scene, shot)
-    one = items[0]
     tiled = shot.suffix in FORMATS and shot.view == "final" and scene.quality.rays == "computed" and not scene.post
-    if not film and tiled:
-        if target.suffix.lower() in (".tif", ".tiff") and is_large(shot.size):
-            import_optional(f"a large '{target}'", "tifffile", "tiff")
-        items, shot, what = (
-            tiles_of(target, items[0].time, shot.size, edge_of(shot.size), CommandError),
-            replace(shot, suffix=".png"),
-            "tiles",
-        )
+    if not job.sequence and tiled:
+        tiles, what = job.tiled(edge_of(shot.size)), "tiles"
+        items, shot = tiles.items, tiles.shot
     failed: list[tuple[Item, Refused | Failed]] = []
     start = clock_time.perf_counter()
-    joined = what == "tiles" or target.suffix.lower() in FILMS
-    parts = stack.enter_context(Parts(items, target, CommandError)) if joined else None
+    joined = what == "tiles" or job.film
+    parts = stack.enter_context(Parts(items, job.target, CommandError)) if joined else None
     with connected(where.address, options.timeout) as client:
         cluster: Cluster[Any] = Cluster(client, resources)
         errors.print(f"{where.address}: {client.dashboard_link}")
@@ -102,7 +87,7 @@ def render_on_cluster(
     if failed:
         raise CommandError(f"{len(failed)} of {len(items)} {what} could not be drawn", legal="see above")
     if what == "tiles":
-        key = key_of(whole.of(one), cluster.used[0].driver)
+        key = key_of(Contents(scene, job.shot).of(job.items[0]), cluster.used[0].driver)
     return parts.all(items) if parts is not None else items, key, parts
 
 

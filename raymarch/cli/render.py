@@ -182,9 +182,7 @@ def draw_there(job: Job, source: Source, address: str, given: Mapping[str, Any])
     )
     where = Where(address, given.get("workers"), options)
     with ExitStack() as stack:
-        drawn, key, parts = render_on_cluster(
-            source, job.scene, job.shot, job.items, job.target, job.sequence, where, stack
-        )
+        drawn, key, parts = render_on_cluster(source, job, where, stack)
         if parts is not None:
             join(job, drawn, key, parts)
 

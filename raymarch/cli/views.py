@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -12,13 +11,13 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from raymarch.cli.common import CommandError
-from raymarch.export.stills import drawn
+from raymarch.export.stills import Shown, view_of
 from raymarch.gpu.frame import Frame
 from raymarch.gpu.prepare import Wanted
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.scale import with_bar
 from raymarch.gpu.slices import Slice
-from raymarch.gpu.views import VIEWS, light
+from raymarch.gpu.views import VIEWS
 from raymarch.scene.scene import Scene
 
 CHOICES: Mapping[str, tuple[str, ...]] = {
@@ -28,15 +27,6 @@ CHOICES: Mapping[str, tuple[str, ...]] = {
     "lipschitz": ("color",),
 }
 """The arrays that each view needs."""
-
-
-@dataclass(frozen=True, slots=True)
-class Shown:
-    """A view ready to be written: an image, its numbers, and lines to print."""
-
-    image: Callable[[], Image.Image]
-    numbers: Callable[[], NDArray[np.float32]]
-    lines: Sequence[str] = ()
 
 
 def shown(
@@ -53,7 +43,7 @@ def shown(
         return _probed(renderer, view, scene, frame.time, params, progress)
     if view == "error":
         return _compared(frame, scene, params)
-    return Shown(partial(drawn, frame, view, scene), partial(light, frame, view, scene))
+    return view_of(frame, view, scene)
 
 
 def _probed(

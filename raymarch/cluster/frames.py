@@ -14,7 +14,7 @@ from functools import partial
 from itertools import islice, pairwise
 from operator import length_hint
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from raymarch.cluster.source import Source, of_file, of_scene
 from raymarch.cluster.submit import RETRIES, TIMEOUT, Cluster, Failed, Options
@@ -23,8 +23,8 @@ from raymarch.errors import ClusterError, RaymarchError, RenderWarning, SceneErr
 from raymarch.export import stills
 from raymarch.export.behind import in_order
 from raymarch.export.film import FILMS
-from raymarch.export.sequence import Contents, Item, Parts, frames_of, join_film
-from raymarch.export.stills import Shot, is_whole, key_of
+from raymarch.export.sequence import Contents, Item, Parts, Runner, frames_of, join_film
+from raymarch.export.stills import Shot
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import instance, integer, optional, real, short, switch
 from raymarch.files import import_optional, write, written
@@ -66,53 +66,9 @@ def draw_items(
     drawn if the scene, the options or the workers do not allow it.
     """
     check(scene, shot, options)
-    job = cluster.job(scene.quality, shot, options, tell)
-    sent = cluster.send(source)
-    contents, run = Contents(scene, shot), uuid.uuid4().hex[:8]
-    settled: list[tuple[Item, Outcome]] = []
-    recent: deque[float] = deque(maxlen=9)  # seconds of the last pictures
-    left = length_hint(items, LARGEST_BATCH)
-
-    def batch_size() -> int:
-        if options.split > 1 or (options.batch is None and not recent):
-            return 1
-        if options.batch is not None:
-            return options.batch
-        fair = left // (2 * cluster.threads) if left > 0 else 1  # so that all workers end at about the same time
-        return max(1, min(int(TASK / max(statistics.median(recent), 1e-3)), LARGEST_BATCH, fair))
-
-    def missing() -> Iterator[tuple[int, Item, str | None]]:
-        nonlocal left
-        for number, item in enumerate(items):
-            left -= 1
-            try:
-                content = _shared(contents.of(item), options.split)
-            except RaymarchError as fault:
-                settled.append((item, Refused(str(fault))))
-                continue
-            if parts is not None:
-                item = parts.placed(item, content)
-            keys = [key_of(content, machine.driver) for machine in job.machines]
-            if shot.suffix == ".png" and is_whole(item.file, keys):
-                settled.append((item, None))
-            else:
-                yield number, item, content
-
-    def start(batch: list[tuple[int, Item, str | None]]) -> Any:
-        number, item, content = batch[0]
-        name = f"raymarch-draw-{run}-{number}"
-        how: dict[str, Any] = {"retries": RETRIES, "resources": cluster.resources, "priority": -number}
-        if options.split == 1:
-            pictures = [(item, content) for _, item, content in batch]
-            return cluster.client.submit(draw_batch, sent, job, pictures, key=name, **how)
-        shares = []
-        for k, share in enumerate(shares_of(scene.quality.samples, options.split)):
-            part = item.part or PicturePart(item.size)
-            one = replace(item, part=replace(part, samples=share))
-            shares.append(cluster.client.submit(draw_item, sent, job, one, contents.of(one), key=f"{name}-{k}", **how))
-        return cluster.client.submit(merge, sent, job, content, *shares, key=f"{name}-all", **how)
-
-    for batch, result in cluster.completed(_batches(missing(), batch_size), start):
+    tasks = _Tasks(cluster, source, scene, shot, options, tell, parts)
+    missing = tasks.missing(items, length_hint(items, LARGEST_BATCH))
+    for batch, result in cluster.completed(_batches(missing, tasks.batch_size), tasks.start):
         outcomes = result if isinstance(result, list) else [result] * len(batch)
         for (_, item, _), outcome in zip(batch, outcomes, strict=True):
             if isinstance(outcome, Done):
@@ -120,11 +76,79 @@ def draw_items(
                     unfinished.write_bytes(outcome.content)
                 cluster.log.pictures[outcome.worker] += 1
                 cluster.log.seconds[outcome.worker] += outcome.seconds
-                recent.append(outcome.seconds)
+                tasks.recent.append(outcome.seconds)
             yield item, outcome
-        while settled:
-            yield settled.pop(0)
-    yield from settled
+        while tasks.settled:
+            yield tasks.settled.pop(0)
+    yield from tasks.settled
+
+
+Numbered: TypeAlias = tuple[int, Item, str | None]
+"""The number of a picture, the picture, and the hash of its content."""
+
+
+class _Tasks:
+    """The tasks of the pictures that are missing.
+
+    settled : pictures that need none, with their outcome. recent : seconds of the last pictures.
+    """
+
+    def __init__(
+        self,
+        cluster: Cluster[Any],
+        source: Source,
+        scene: Scene,
+        shot: Shot,
+        options: Options,
+        tell: Callable[[str], None],
+        parts: Parts | None,
+    ) -> None:
+        self.settled: list[tuple[Item, Outcome]] = []
+        self.recent: deque[float] = deque(maxlen=9)
+        self._cluster, self._options, self._parts = cluster, options, parts
+        self._samples, self._contents = scene.quality.samples, Contents(scene, shot)
+        self._job = cluster.job(scene.quality, shot, options, tell)
+        self._sent, self._run, self._left = cluster.send(source), uuid.uuid4().hex[:8], 0
+
+    def missing(self, items: Iterable[Item], number: int) -> Iterator[Numbered]:
+        """The pictures to draw. number : of the items, about."""
+        drivers, self._left = [machine.driver for machine in self._job.machines], number
+        for k, item in enumerate(items):
+            self._left -= 1
+            try:
+                placed = self._contents.place(item, drivers, self._parts, shares=self._options.split)
+            except RaymarchError as fault:
+                self.settled.append((item, Refused(str(fault))))
+                continue
+            if placed.whole:
+                self.settled.append((placed.item, None))
+            else:
+                yield k, placed.item, placed.content
+
+    def batch_size(self) -> int:
+        """The number of pictures of the next task."""
+        if self._options.split > 1 or (self._options.batch is None and not self.recent):
+            return 1
+        if self._options.batch is not None:
+            return self._options.batch
+        threads, left = self._cluster.threads, self._left
+        fair = left // (2 * threads) if left > 0 else 1  # so that all workers end at about the same time
+        return max(1, min(int(TASK / max(statistics.median(self.recent), 1e-3)), LARGEST_BATCH, fair))
+
+    def start(self, batch: Sequence[Numbered]) -> Any:
+        """Submit the task of some pictures, or the tasks of the shares of one."""
+        number, item, content = batch[0]
+        name, submit = f"raymarch-draw-{self._run}-{number}", self._cluster.client.submit
+        how: dict[str, Any] = {"retries": RETRIES, "resources": self._cluster.resources, "priority": -number}
+        if self._options.split == 1:
+            return submit(draw_batch, self._sent, self._job, [picture for _, *picture in batch], key=name, **how)
+        shares = []
+        for k, share in enumerate(shares_of(self._samples, self._options.split)):
+            part = item.part or PicturePart(item.size)
+            one = replace(item, part=replace(part, samples=share))
+            given = self._sent, self._job, one, self._contents.of(one)
+            shares.append(submit(draw_item, *given, key=f"{name}-{k}", **how))
+        return submit(merge, self._sent, self._job, content, *shares, key=f"{name}-all", **how)
 
 
 def _batches(units: Iterable[T], size: Callable[[], int]) -> Iterator[list[T]]:
@@ -151,11 +175,6 @@ def check(scene: Scene, shot: Shot, options: Options) -> None:
 def shares_of(samples: int, number: int) -> list[tuple[int, int]]:
     """The (first, end) of each share of the samples of a pixel."""
     return list(pairwise(samples * k // number for k in range(number + 1)))
-
-
-def _shared(content: str | None, split: int) -> str | None:
-    """The content hash of a picture whose samples are split: sums in another order may differ in the last bit."""
-    return content if content is None or split == 1 else f"{content} in {split} shares"
 
 
 @checked
@@ -281,19 +300,13 @@ def _draw_here(
     check_scene("render_frames", scene)
     with Renderer(items[0].size, backend, device) as renderer, warnings.catch_warnings(), in_order() as later:
         warnings.simplefilter("ignore", RenderWarning)
-        contents = Contents(scene, shot, renderer)
+        runner = Runner(renderer, scene, shot, parts)
         for item in items:
             try:
-                content = contents.of(item)
-                key = key_of(content, renderer.context.driver)
-                if parts is not None:
-                    item = parts.placed(item, content)
-                if shot.suffix == ".png" and key is not None and is_whole(item.file, [key]):
-                    continue
-                frame, _ = stills.draw(renderer, scene, shot, item.time)
+                item, made = runner.picture(item)
             except RaymarchError as fault:
                 yield item, Refused(str(fault))
                 continue
-            writer = stills.view_encoder(shot, frame, scene, key)
-            later(partial(write, item.file, writer), writer.before)
-            del frame
+            if made is not None:
+                later(partial(write, item.file, made.writer), made.writer.before)
+            del made  # the next frame then reads no arrays of this one

@@ -23,7 +23,7 @@ from raymarch.cluster.machines import Machine, libraries, package
 from raymarch.cluster.source import Source, without_folder
 from raymarch.errors import DeviceError, RaymarchError, RenderWarning, SceneError
 from raymarch.export.sequence import Contents, Item
-from raymarch.export.stills import Shot, draw, key_of, save, view_encoder
+from raymarch.export.stills import Shot, draw, encoder, key_of, save, view_of
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene
@@ -199,7 +199,8 @@ def draw_item(source: Source, job: Job, item: Item, content: str | None) -> Done
                 first, end = item.part.samples
                 spent = clock_time.perf_counter() - start
                 return Share(frame.milliseconds, spent, address(), doubts, frame.color, end - first)
-            made = _content(job.shot, view_encoder(job.shot, frame, scene, key_of(content, renderer.context.driver)))
+            key, view = key_of(content, renderer.context.driver), view_of(frame, job.shot.view, scene)
+            made = _content(job.shot, encoder(job.shot, frame, view, key))
             return Done(frame.milliseconds, clock_time.perf_counter() - start, address(), doubts, made)
     except RaymarchError as fault:
         return Refused.by(fault)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +17,23 @@ from PIL import Image
 
 from raymarch.errors import RaymarchError, SceneError
 from raymarch.export.film import FILMS, check_film, write_film
-from raymarch.export.stills import FORMATS, NUMBERS, Shot, content_of, save
+from raymarch.export.stills import (
+    FORMATS,
+    NUMBERS,
+    Shot,
+    Shown,
+    Writer,
+    content_of,
+    draw,
+    encoder,
+    is_whole,
+    key_of,
+    save,
+    view_of,
+)
 from raymarch.files import UNFINISHED, import_optional, written
+from raymarch.gpu.context import Driver
+from raymarch.gpu.frame import Frame
 from raymarch.gpu.part import PicturePart, prepared_part
 from raymarch.gpu.prepare import Prepared, assembled, passes_for
 from raymarch.gpu.renderer import Renderer
@@ -248,6 +264,99 @@ class Contents:
         return content_of(
             ready, self.scene, item.size, item.time, params or shot.params, shot.outputs, shot.label, item.part
         )
+
+    def place(
+        self,
+        item: Item,
+        drivers: Sequence[Driver],
+        parts: Parts | None = None,
+        params: Mapping[str, ParamValue] | None = None,
+        shares: int = 1,
+    ) -> Placed:
+        """Where a picture is written, with its keys for some drivers. parts : name the file."""
+        content = self.of(item, params)
+        if content is not None and shares > 1:  # sums in another order may differ in the last bit
+            content = f"{content} in {shares} shares"
+        if parts is not None:
+            item = parts.placed(item, content)
+        return Placed(item, content, [key_of(content, driver) for driver in drivers])
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """A picture with its file, the hash of its content, and its key for each driver."""
+
+    item: Item
+    content: str | None
+    keys: Sequence[str | None]
+
+    @property
+    def whole(self) -> bool:
+        """True if the file holds the picture, drawn by one of the drivers."""
+        return self.item.file.suffix == ".png" and is_whole(self.item.file, self.keys)
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A picture that was drawn, ready to be written.
+
+    doubts : reasons to doubt it. view : its image, which is made once, and lines to print.
+    """
+
+    milliseconds: float
+    doubts: Sequence[str]
+    view: Shown
+    writer: Writer
+
+
+Show: TypeAlias = Callable[[Renderer, Frame, str, Scene, Mapping[str, Any], Callable[[float], None] | None], Shown]
+"""A function that makes a view of a frame that a renderer has just drawn."""
+
+
+class Runner:
+    """Draws the pictures of a shot, one after another, by a renderer of this process.
+
+    parts : name the files, if the pictures are parts of a film or of a picture. show : makes the view. reuse : whether
+    a file that holds a picture is kept.
+    """
+
+    def __init__(
+        self,
+        renderer: Renderer,
+        scene: Scene,
+        shot: Shot,
+        parts: Parts | None = None,
+        show: Show = lambda renderer, frame, view, scene, *_: view_of(frame, view, scene),
+        reuse: bool = True,
+    ) -> None:
+        self.renderer, self.scene, self.shot = renderer, scene, shot
+        self._parts, self._show, self._reuse = parts, show, reuse
+        self._contents = Contents(scene, shot, renderer)
+
+    def picture(
+        self,
+        item: Item,
+        params: Mapping[str, ParamValue] | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> tuple[Item, Picture | None]:
+        """An item with its file, and its picture; None if the file holds it.
+
+        params : values of parameters in place of those of the shot. Raises the errors of `draw`.
+        """
+        shot = self.shot if params is None else replace(self.shot, params=params)
+        if self.renderer.size != item.size:
+            self.renderer.resize(item.size)
+        key = None
+        if shot.suffix == ".png":
+            placed = self._contents.place(item, [self.renderer.context.driver], self._parts, shot.params)
+            item, (key,) = placed.item, placed.keys
+            if self._reuse and placed.whole:
+                return item, None
+        frame, doubts = draw(self.renderer, self.scene, shot, item.time, item.part, progress)
+        view = self._show(self.renderer, frame, shot.view, self.scene, shot.params, progress)
+        view = replace(view, image=cache(view.image))
+        writer = encoder(shot, frame, view, key, draft=self._parts is not None)
+        return item, Picture(frame.milliseconds, doubts, view, writer)
 
 
 def join_film(target: Path, items: Sequence[Item], fps: float, error: type[RaymarchError] = SceneError) -> None:

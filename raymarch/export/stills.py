@@ -204,18 +204,25 @@ class Writer:
         self.write(file)
 
 
-def encoder(
-    shot: Shot,
-    frame: Frame,
-    image: Callable[[], Image.Image],
-    numbers: Callable[[], NDArray[np.float32]],
-    key: str | None,
-    draft: bool = False,
-) -> Writer:
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A view ready to be written: an image, its numbers, and lines to print."""
+
+    image: Callable[[], Image.Image]
+    numbers: Callable[[], NDArray[np.float32]]
+    lines: Sequence[str] = ()
+
+
+def view_of(frame: Frame, view: str, scene: Scene) -> Shown:
+    """A view of the GPU."""
+    return Shown(lambda: drawn(frame, view, scene), lambda: light(frame, view, scene))
+
+
+def encoder(shot: Shot, frame: Frame, view: Shown, key: str | None, draft: bool = False) -> Writer:
     """What writes a frame to a file in the format of the shot's suffix, whatever the name of the file.
 
     All that it needs of the device is read now, so that it may run in another thread while the next frame is drawn.
-    image, numbers : make the view for 8-bit files and for .exr files. draft : the file is removed soon.
+    draft : the file is removed soon.
     """
     if shot.suffix == ".npz" or shot.layers:
         for name in ARRAYS:
@@ -223,16 +230,11 @@ def encoder(
         write = write_npz if shot.suffix == ".npz" else write_layers
         return Writer(lambda file: write(file, frame))
     if shot.suffix == ".exr":
-        values = numbers()
+        values = view.numbers()
         return Writer(lambda file: write_channels(file, {"RGB": values}))
-    made = frame.image(alpha=True) if shot.alpha else image()
+    made = frame.image(alpha=True) if shot.alpha else view.image()
     data = cache(lambda: encoded(made, shot.suffix, key, draft))
     return Writer(lambda file: file.write_bytes(data()), data)
-
-
-def view_encoder(shot: Shot, frame: Frame, scene: Scene, key: str | None) -> Writer:
-    """As `encoder`, for a view of the GPU."""
-    return encoder(shot, frame, lambda: drawn(frame, shot.view, scene), lambda: light(frame, shot.view, scene), key)
 
 
 def drawn(frame: Frame, view: str, scene: Scene) -> Image.Image:

@@ -173,7 +173,7 @@ def test_other_files_in_the_folder_of_tiles_stay(
     (folder / "a.png.tiles" / "tile_000000_000000.png").write_text("mine")
     assert run(*command) == 0 and "keeps 1 files" in capsys.readouterr().err
     assert [file.read_text() for file in (folder / "a.png.tiles").iterdir()] == ["mine"]
-    monkeypatch.setattr(import_module("raymarch.cli.drawing"), "draw", lambda *_: 1 / 0)
+    monkeypatch.setattr(import_module("raymarch.export.sequence"), "draw", lambda *_: 1 / 0)
     (folder / "a.png.tiles" / "tile_000000_000000.png").unlink()
     with pytest.raises(ZeroDivisionError):
         run(*command)
