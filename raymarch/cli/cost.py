@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json as json_format
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -25,7 +25,7 @@ from raymarch.cli.common import (
     parse_size,
 )
 from raymarch.cli.progress import bar, watched
-from raymarch.cluster.source import of_file
+from raymarch.cluster.source import Source, of_file
 from raymarch.cost import baseline
 from raymarch.cost.answer import advice, sentence
 from raymarch.cost.checks import check
@@ -116,85 +116,90 @@ def run(
     backend: Backend = "auto",
     device: Device = None,
 ) -> None:
-    _check_files({"--json": json, "--csv": csv, "--plot": plot, "--html": html, "--write-baseline": write_baseline})
+    files = {"--json": json, "--csv": csv, "--plot": plot, "--html": html, "--write-baseline": write_baseline}
+    baselines = {"--check": check_, "--write-baseline": write_baseline}
+    _check_files(files)
     if by not in METRICS:
         raise CommandError(f"--by {by}", legal=", ".join(METRICS))
     if not 1 <= samples <= 256 or round(samples**0.5) ** 2 != samples:
         raise CommandError(f"--reference-samples {samples}", legal="a square number from 1 to 256")
-    if cluster is not None and (check_ is not None or write_baseline is not None):
-        raise CommandError("--check or --write-baseline together with --cluster", legal="one of them")
-    if cluster is not None and effects:
-        raise CommandError("--effects together with --cluster", legal="one of them")
     if mixed_drivers and cluster is None:
         raise CommandError("--mixed-drivers without --cluster", legal="--cluster tcp://HOST:PORT or local:N")
-    if prove_ and (effects or check_ is not None or write_baseline is not None):
-        raise CommandError("--prove together with --effects, --check or --write-baseline", legal="one of them")
+    _check_together(files | baselines, effects, prove_, cluster is not None)
     crossed = None if cross is None else [name.strip() for name in cross.split(",") if name.strip()]
     asked = axes(crossed, _given(axis or []))
     pixels, params = parse_size(size or SIZE), parse_settings(set_ or [])
     source, found = (None, load(scene)) if cluster is None else of_file(scene)  # read once: it may be a pipe
-    bench = _Bench(found, scene.stem, pixels, time or 0.0, params, backend, device)
-    outputs = {"--json": json, "--csv": csv, "--plot": plot, "--html": html}
-    baselines = {"--check": check_, "--write-baseline": write_baseline}
-    if check_ is not None or write_baseline is not None:
-        first = next(option for option, file in baselines.items() if file is not None)
-        others = [option for option, file in (outputs | baselines).items() if file is not None and option != first]
-        if others or effects:
-            raise CommandError(f"{first} together with {others[0] if others else '--effects'}", legal="one of them")
-        if write_baseline is not None:
-            _write_baseline(bench, write_baseline)
-        elif check_ is not None:
-            given = {"--size": size and pixels, "--time": time, "--set": params or None}
-            _check_baseline(bench, check_, given)
-        return
-    if effects:
-        for option, file in (outputs | {"--json": None}).items():
-            if file is not None:
-                raise CommandError(f"--effects together with {option}", legal="--json")
-        _effects(bench, repeats, seed, json)
-        return
-    if by.startswith("flip_"):
-        check_followed(found)
-    settings = grid(found, asked, pixels)
-    if cluster is not None and source is not None:
-        from raymarch.cli.on_cluster import cost_on_cluster  # Dask takes tenths of a second to import
-        from raymarch.cluster.submit import Options
-        from raymarch.cluster.sweep import Moment
-
-        moment = Moment(pixels, bench.time, params, samples)
-        options = Options(mixed_drivers, backend=backend, device=device)
-        costs: list[Effect] = []
-        with watched() as tell:
-            timed = plot is not None or html is not None
-            where = cluster, options
-            made = cost_on_cluster(source, found, scene.stem, settings, moment, repeats, seed, *where, tell, timed)
+    bench = _Bench(found, scene.stem, pixels, time or 0.0, params, repeats, seed, samples, backend, device)
+    if write_baseline is not None:
+        _write_baseline(bench, write_baseline)
+    elif check_ is not None:
+        _check_baseline(bench, check_, {"--size": size and pixels, "--time": time, "--set": params or None})
+    elif effects:
+        _effects(bench, json)
     else:
-        made, costs = bench.sweep(settings, samples, repeats, seed, html is not None)
-    if prove_:
-        with bar("proof", 1.0) as progress:
-            proof = prove(found, size=pixels, time=bench.time, params=params, progress=progress)
-        made.proof = {"words": str(proof), **proof.as_dict()}
-    show(made, by, everything)
-    if made.untimed and (plot is not None or html is not None):  # the worker that was alone on its machine has left
+        if by.startswith("flip_"):
+            check_followed(found)
+        settings = grid(found, asked, pixels)
+        costs: list[Effect] = []
+        if cluster is not None and source is not None:
+            timed = plot is not None or html is not None
+            made = bench.sweep_on(source, settings, cluster, mixed_drivers, timed)
+        else:
+            made, costs = bench.sweep(settings, html is not None)
+        if prove_:
+            made.proof = bench.proof()
+        show(made, by, everything)
+        _write_sweep(made, costs, by, files)
+
+
+def _check_together(files: Mapping[str, Path | None], effects: bool, proved: bool, cluster: bool) -> None:
+    """CommandError for options that exclude each other."""
+    given = [option for option, file in files.items() if file is not None]
+    baselines = [option for option in ("--check", "--write-baseline") if option in given]
+    if cluster and baselines:
+        raise CommandError("--check or --write-baseline together with --cluster", legal="one of them")
+    if cluster and effects:
+        raise CommandError("--effects together with --cluster", legal="one of them")
+    if proved and (effects or baselines):
+        raise CommandError("--prove together with --effects, --check or --write-baseline", legal="one of them")
+    if baselines:
+        others = [option for option in given if option != baselines[0]] + ["--effects"] * effects
+        if others:
+            raise CommandError(f"{baselines[0]} together with {others[0]}", legal="one of them")
+    for option in given:
+        if effects and option != "--json":
+            raise CommandError(f"--effects together with {option}", legal="--json")
+
+
+def _write_sweep(made: Sweep, costs: Sequence[Effect], by: str, files: Mapping[str, Path | None]) -> None:
+    """Write the files of a sweep; without times no figure and no page."""
+    if made.untimed and (files["--plot"] or files["--html"]):  # the worker that was alone on its machine has left
         errors.print(f"raymarch: --plot and --html are not written without times: {made.untimed}")
-        plot = html = None
-    for file, text in ((json, as_json), (csv, as_csv), (html, partial(as_html, effects=costs))):
-        if file is not None:
+        files = {**files, "--plot": None, "--html": None}
+    for option, text in (("--json", as_json), ("--csv", as_csv), ("--html", partial(as_html, effects=costs))):
+        if (file := files[option]) is not None:
             _write(file, text(made, by))
-    if plot is not None:
-        made_plot = save(figure(made, by), plot.suffix[1:].lower())
-        write(plot, lambda target: target.write_bytes(made_plot), CommandError)
+    if (plot := files["--plot"]) is not None:
+        data = save(figure(made, by), plot.suffix[1:].lower())
+        write(plot, lambda target: target.write_bytes(data), CommandError)
 
 
 @dataclass(frozen=True, slots=True)
 class _Bench:
-    """What is measured on this machine: a scene, its picture, and the device."""
+    """What is measured: a scene, its picture, how often, and the device.
+
+    samples : rays per pixel of the reference. repeats : timed frames per setting. seed : of the order of frames.
+    """
 
     scene: Scene
     name: str
     size: tuple[int, int]
     time: float
     params: dict[str, Any]
+    repeats: int
+    seed: int
+    samples: int
     backend: str
     device: int | None
 
@@ -208,25 +213,45 @@ class _Bench:
         """The reference of a variant of the scene."""
         return reference(scene, self.size, self.time, self.params, samples, lambda what: tell(what, 0.0))
 
-    def sweep(
-        self, settings: Sequence[Setting], samples: int, repeats: int, seed: int, effects: bool
-    ) -> tuple[Sweep, list[Effect]]:
+    def sweep(self, settings: Sequence[Setting], effects: bool) -> tuple[Sweep, list[Effect]]:
         """The sweep of the scene with its checks; with `effects`, also the cost of each effect."""
         scene, moment = self.scene, (self.time, self.params)
         with self.opened() as (tell, renderer):
-            known = self.reference(scene, samples, tell)
+            known = self.reference(scene, self.samples, tell)
 
             def judge(setting: Setting) -> Reference:
                 ideal = ideal_of(scene, setting.variations)
-                return known if ideal is scene else self.reference(ideal, samples, tell)
+                return known if ideal is scene else self.reference(ideal, self.samples, tell)
 
             how: dict[str, Any] = {"judge": judge, "count": evaluations_of}
-            made = sweep(scene, settings, known, renderer, self.name, *moment, repeats, seed, tell, **how)
+            made = sweep(scene, settings, known, renderer, self.name, *moment, self.repeats, self.seed, tell, **how)
             made.checks = check(made, scene, renderer, *moment)
             costs: list[Effect] = []
             if effects and any(ablations(scene)):
-                costs = ablate(scene, renderer, *moment, repeats, seed, tell)
+                costs = self.effects(renderer, tell)
         return made, costs
+
+    def sweep_on(self, source: Source, settings: Sequence[Setting], address: str, mixed: bool, timed: bool) -> Sweep:
+        """The sweep on a cluster. mixed, timed : see `Options` and `cost_on_cluster`."""
+        from raymarch.cli.on_cluster import cost_on_cluster  # Dask takes tenths of a second to import
+        from raymarch.cluster.submit import Options
+        from raymarch.cluster.sweep import Moment
+
+        moment = Moment(self.size, self.time, self.params, self.samples)
+        options = Options(mixed, backend=self.backend, device=self.device)
+        with watched() as tell:
+            how = moment, self.repeats, self.seed, address, options, tell, timed
+            return cost_on_cluster(source, self.scene, self.name, settings, *how)
+
+    def effects(self, renderer: Renderer, tell: Progress) -> list[Effect]:
+        """The cost of each effect."""
+        return ablate(self.scene, renderer, self.time, self.params, self.repeats, self.seed, tell)
+
+    def proof(self) -> dict[str, Any]:
+        """The proof of the hits of the scene's own setting."""
+        with bar("proof", 1.0) as progress:
+            proof = prove(self.scene, size=self.size, time=self.time, params=self.params, progress=progress)
+        return {"words": str(proof), **proof.as_dict()}
 
     def rows(self) -> dict[str, baseline.Row]:
         with self.opened() as (tell, renderer):
@@ -265,14 +290,15 @@ def _check_baseline(bench: _Bench, file: Path, given: dict[str, Any]) -> None:
         raise typer.Exit(1)
 
 
-def _effects(bench: _Bench, repeats: int, seed: int, json: Path | None) -> None:
+def _effects(bench: _Bench, json: Path | None) -> None:
     """Measure the cost of each effect; print a table and write JSON."""
     with bench.opened() as (tell, renderer):
-        found = ablate(bench.scene, renderer, bench.time, bench.params, repeats, seed, tell)
+        found = bench.effects(renderer, tell)
         measured_on = environment(renderer)
     _wide().print(effects_table(found, bench.name))
     if json is not None:
-        data = {"format": FORMAT, "scene": bench.name, "size": list(bench.size), "seed": seed, "repeats": repeats}
+        data = {"format": FORMAT, "scene": bench.name, "size": list(bench.size)}
+        data |= {"seed": bench.seed, "repeats": bench.repeats}
         data |= {"environment": measured_on, "effects": [e.as_dict() for e in found]}
         _write(json, json_format.dumps(data, indent=2, allow_nan=False) + "\n")
 

@@ -68,12 +68,7 @@ def run(
         Path | None, typer.Option(metavar="FILE", help="Write events as lines of JSON, for scripts.")
     ] = None,
 ) -> None:
-    if not 1.0 <= budget <= 10_000.0:
-        raise CommandError(f"--budget {budget:g}", legal="1 to 10000 milliseconds")
-    if demo_seconds is not None and not 0.0 <= demo_seconds <= 86_400.0:
-        raise CommandError(f"--demo-seconds {demo_seconds:g}", legal="0 to 86400")
-    if time is not None and not math.isfinite(time):
-        raise CommandError(f"--time {time:g}", legal="a finite number of seconds")
+    _check(budget, demo_seconds, time)
     from raymarch.window.accuracy import MEASURED, Stop, measured_stops
     from raymarch.window.outside import listening
     from raymarch.window.viewer import Viewer  # imports glfw: only when a window opens
@@ -95,3 +90,12 @@ def run(
     if code == 2 and viewer.model.fault is not None:  # the message in the window is gone
         errors.print(f"raymarch: {viewer.model.fault.text()}")
     sys.exit(code)
+
+
+def _check(budget: float, demo_seconds: float | None, time: float | None) -> None:
+    if not 1.0 <= budget <= 10_000.0:
+        raise CommandError(f"--budget {budget:g}", legal="1 to 10000 milliseconds")
+    if demo_seconds is not None and not 0.0 <= demo_seconds <= 86_400.0:
+        raise CommandError(f"--demo-seconds {demo_seconds:g}", legal="0 to 86400")
+    if time is not None and not math.isfinite(time):
+        raise CommandError(f"--time {time:g}", legal="a finite number of seconds")
