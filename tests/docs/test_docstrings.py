@@ -36,7 +36,8 @@ EXAMPLES = sorted(name for name, text in PUBLIC.items() if ">>>" in text)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_an_example_gives_what_it_shows(name: str) -> None:
+def test_an_example_gives_what_it_shows(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)  # some write files
     found = doctest.DocTestParser().get_doctest(PUBLIC[name], {"rm": rm}, name, None, 0)
     runner = doctest.DocTestRunner(verbose=False, optionflags=doctest.NORMALIZE_WHITESPACE)
     shown: list[str] = []

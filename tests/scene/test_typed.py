@@ -144,7 +144,7 @@ rm.sphere().dilate(.1) | offset
 rm.sphere().erode(.1) | offset
 rm.sphere().circular_array(8) | polar
 rm.sphere().repeat(3, (1, 1, 0)) | integers >= 1
-rm.sphere().repeat(2, padding=1) | legal
+rm.sphere().repeat(2, padding=1) | =
 rm.sphere().blend(rm.box(1)) | union(other, k=0.2)
 rm.circle(1).extrude(2) | =
 rm.circle(1).extrude_to(rm.rectangle((1, 1)), 2) | =
