@@ -29,7 +29,7 @@ from raymarch.scene.studio import in_studio
 from raymarch.sdf.advance import is_implicit
 from raymarch.sdf.blends import FAMILIES
 from raymarch.sdf.facts import FARTHEST
-from raymarch.sdf.levels import CORRECTED, flush_cut, least_slope
+from raymarch.sdf.levels import CORRECTED, flush_cut, least_slope, short_tool
 from raymarch.sdf.rows import Rows
 
 TOGETHER = 4
@@ -83,6 +83,12 @@ def misread(scene: Scene) -> list[Doubt]:
     if (node := flush_cut(scene.node)) is not None:
         what = f"{node.name} cuts flush with a face, where {effect} reads a membrane of no thickness that is not drawn"
         found.append(Doubt("plan", what, "a tool that reaches beyond the face", where=node.where))
+    elif (short := short_tool(scene.node, 0.5 * exact_distance(scene))) is not None:
+        what = (
+            f"{short[0].name} ends {short[1]:.2g} beyond a face that it cuts, where {effect} reads the end of the tool"
+        )
+        cure = f"a tool that reaches {0.5 * exact_distance(scene):.2g} beyond the face"
+        found.append(Doubt("plan", what, cure, where=short[0].where))
     implicit = next((node for node in all_nodes(scene.node) if is_implicit(node)), None)
     if implicit is not None:
         what = (

@@ -267,6 +267,58 @@ def _has_membrane(node: Node) -> bool:
     return int(np.all([*flat, *sides], axis=0).sum()) >= 4
 
 
+def short_tool(root: Node, reach: float) -> tuple[Node, float] | None:
+    """A difference whose tool ends within `reach` beyond a face that it cuts, and how far beyond; None without one.
+
+    There the field is the distance to the end of the tool, where nothing is drawn.
+    """
+    pending, visited = [(root, 1.0)], set[int]()
+    while pending and len(visited) < PROBES:
+        node, factor = pending.pop()
+        if id(node) in visited:
+            continue
+        visited.add(id(node))
+        if node.name == "difference" and node.dimension == 3 and factor * _beyond_face(node) < reach:
+            return node, factor * _beyond_face(node)
+        scaled = node.params.get("factor") if node.placed_as == "scale" else None
+        factor *= 1.0 if scaled is None else float(interval_of(scaled)[1])
+        pending += [(child, factor) for child in node.children]
+    return None
+
+
+@lru_cache(maxsize=64)
+def _beyond_face(node: Node) -> float:
+    """How far the tools of a difference reach beyond flat faces that they cut, at least; infinite if they cut none."""
+    base, *tools = node.children
+    lower, upper = base.bounds
+    size = float(np.linalg.norm(upper - lower))
+    if base.facts.empty or not 0.0 < size < np.inf:
+        return np.inf
+    points = np.random.default_rng(0).uniform(lower, upper, (PROBES // 8, len(lower)))
+    ends = np.full(len(points), np.inf)
+    try:
+        for _ in range(12):
+            value, gradient = evaluate_both(base, points)
+            square = np.maximum((gradient * gradient).sum(axis=1), 1e-12)
+            points = points - gradient * (value / square)[:, None]
+        normals = gradient / np.sqrt(square)[:, None]
+        for tool in tools:
+            within = evaluate_both(tool, points)[0] < -1e-6 * size
+            p, n = points[within], normals[within]
+            low, high = np.zeros(len(p)), np.full(len(p), size)
+            for _ in range(20):
+                middle = 0.5 * (low + high)
+                held = evaluate_both(tool, p + middle[:, None] * n)[0] < 0.0
+                low, high = np.where(held, middle, low), np.where(held, high, middle)
+            straight = (evaluate_both(tool, p + high[:, None] * n)[1] * n).sum(axis=1) > 0.99
+            nearest = -evaluate_both(tool, p + 0.5 * high[:, None] * n)[0] > 0.49 * high  # and not a side of the tool
+            if np.sum(straight & nearest) >= max(4.0, 0.25 * len(p)):  # else the end is round
+                ends[within] = np.minimum(ends[within], np.where(straight & nearest, high, np.inf))
+    except SceneError:  # GLSL without a NumPy function
+        return np.inf
+    return float(np.sort(ends)[3])
+
+
 def thinnest(root: Node) -> tuple[Node, float] | None:
     """The node of an uneven scale above `FLAT` whose box is the thinnest, and how thick that is; None without one."""
     found: list[tuple[float, int, Node]] = []

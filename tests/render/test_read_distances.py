@@ -93,6 +93,21 @@ def test_a_membrane_that_an_effect_reads_is_doubted(flush: str) -> None:
     assert not doubts(10, lights=[hard]) and not doubts(12, lights=[soft])
 
 
+@pytest.mark.parametrize(("height", "softness", "told"), [(10.5, 0.02, 1), (12, 0.1, 1), (12, 0.02, 0), (20, 0.1, 0)])
+@pytest.mark.parametrize("scale", [1.0, 10.0])
+def test_a_tool_that_ends_soon_beyond_a_face_is_doubted(
+    height: float, softness: float, told: int, scale: float
+) -> None:
+    """The penumbra reads the end of the tool: of the light below holes it loses 23, 26, 0 and 1 %."""
+    plate = (rm.box((40, 10, 40)) - rm.cylinder(8, height)).scale(scale)
+    light = rm.Sun((0, 1, 0), shadow=True, softness=softness)
+    scene = rm.Scene(plate | rm.plane(offset=-20 * scale), lights=[light])
+    found = [d for d in plan(scene).warnings if "the end of the tool" in d]
+    assert len(found) == told
+    assert all(f"ends {0.5 * (height - 10) * scale:.2g} beyond" in d and __file__ in d for d in found)
+    assert not any("the end of" in d for d in plan(scene.replace(lights=[light.replace(softness=0)])).warnings)
+
+
 def test_an_uneven_scale_is_divided_before_a_union_compares_it(renderer: rm.Renderer) -> None:
     """A flat cylinder on a floor. Over the slope of the union, the cylinder hides the floor's nearer surface."""
     renderer.resize((48, 36))
