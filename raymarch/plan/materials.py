@@ -195,73 +195,8 @@ class _Parts:
 
         inner : if True, materials are evaluated at a given depth below the point, along the gradient.
         """
-        made: dict[Function, Function] = {}
-        fields: dict[Function, Function] = {}
-        slopes: dict[Function, Function] = {}
-
-        def stand_in(group: Function) -> Function:
-            """A function in place of a group's field, whose gradient is not derived: the group's part has it."""
-            found = next((each for each, field in fields.items() if field is group), None)
-            if found is None:
-                found = Function(group.name, group.params, group.body)
-                slope = Function(group.name, group.params, construct(group.params[0], 0.0))
-                found.stated.gradients[0] = slope
-                fields[found], slopes[slope] = group, group
-            return found
-
-        def of_group(group: Group, at: Expr) -> Expr:
-            if group.field not in made:
-                made[group.field] = part(f"{group.name}_part", group.field, group.marked, None)
-            return get(made[group.field](at), "material")
-
-        many: dict[Union, Function] = {}
-        joint: dict[Union, Function] = {}
-
-        def of_many(label: Union, point: Expr, at: Expr, _: Sequence[Expr]) -> Expr:
-            found = self._evaluated(label, wanted, of_group, of_many)
-            if point is at and label not in joint and found.distance not in made:
-                joint[label] = made[found.distance] = found.part()
-            if point is at and label in joint:
-                return get(joint[label](point), "material")
-            if label not in many:
-                many[label] = found.value_at("material")
-            return many[label](point, at)
-
-        def with_stand_in(node: Expr, args: tuple[Expr, ...]) -> Expr:
-            known = node.op == "call" and node.data in made
-            return stand_in(node.data)(*args) if known else rebuild(node, args)
-
-        def with_part(node: Expr, args: tuple[Expr, ...]) -> Expr:
-            if node.op == "swizzle" and args[0].op == "call" and args[0].data in slopes:
-                return swizzle(get(made[slopes[args[0].data]](*args[0].args), "gradient"), node.data)
-            if node.op == "call" and node.data in fields:
-                return fields[node.data](*args)
-            return rebuild(node, args)
-
-        def with_distance(node: Expr, args: tuple[Expr, ...]) -> Expr:
-            known = node.op == "call" and made.get(node.data) in joint.values()
-            return get(made[node.data](*args), "distance") if known else rebuild(node, args)
-
-        def part(name: str, field: Function, marked: Function, depth: Expr | None) -> Function:
-            (p,) = field.params
-            inner = None if depth is None else var("inner", VEC3)
-            material = self._body(marked, wanted, of_group, of_many, inner)
-            material = opened(material, p)
-            replaced = rewrite([field.body], with_stand_in)[field.body]
-            slope = _gradient(replaced, p)
-            slope = rewrite([slope], with_part)[slope]
-            found = rewrite([slope, material], with_distance)
-            roots = [found[slope], found[material]]
-            roots = merge_calls(roots, lambda f: operations_of(f) if f in made.values() else saving(f))
-            slope, material = share_values(merge_reads(roots))
-            if depth is not None:
-                below = p - depth * normalize(slope)
-                (material,) = substitute([material], {var("inner", VEC3): below})
-            type = struct("Part", (("gradient", VEC3), ("material", material.type)))
-            params = (p,) if depth is None else (p, depth)
-            return Function(name, params, record(type, slope, material), field.names, field.where)
-
-        return part(name, field, self.marked, var("depth", FLOAT) if inner else None)
+        depth = var("depth", FLOAT) if inner else None
+        return _WithGradient(self, wanted).part(name, field, self.marked, depth)
 
     def _body(
         self,
@@ -308,6 +243,85 @@ class _Parts:
         if wanted is None:
             return const(float(self.scene.materials.index(material)))
         return wanted(dict(zip(FIELDS, values, strict=True)))
+
+
+class _WithGradient:
+    """Functions that return the gradient of a field and what is wanted of its parts.
+
+    A group is evaluated once, by its part: in the gradient of what holds the group, that of the group is read from it.
+
+    made : the function that takes the place of that of a field. fields : the field of each function that stands in for
+    it. slopes : the field of each function that stands in for its gradient. many : the materials
+    of unions at another point. joint : the parts of unions.
+    """
+
+    def __init__(self, parts: _Parts, wanted: Wanted) -> None:
+        self.parts, self.wanted = parts, wanted
+        self.made: dict[Function, Function] = {}
+        self.fields: dict[Function, Function] = {}
+        self.slopes: dict[Function, Function] = {}
+        self.many: dict[Union, Function] = {}
+        self.joint: dict[Union, Function] = {}
+
+    def part(self, name: str, field: Function, marked: Function, depth: Expr | None = None) -> Function:
+        """The function of a field. depth : below the point, where materials are evaluated, along the gradient."""
+        (p,) = field.params
+        inner = None if depth is None else var("inner", VEC3)
+        material = self.parts._body(marked, self.wanted, self._of_group, self._of_many, inner)
+        material = opened(material, p)
+        replaced = rewrite([field.body], self._with_stand_in)[field.body]
+        slope = _gradient(replaced, p)
+        slope = rewrite([slope], self._with_part)[slope]
+        found = rewrite([slope, material], self._with_distance)
+        roots = [found[slope], found[material]]
+        roots = merge_calls(roots, lambda f: operations_of(f) if f in self.made.values() else saving(f))
+        slope, material = share_values(merge_reads(roots))
+        if depth is not None:
+            below = p - depth * normalize(slope)
+            (material,) = substitute([material], {var("inner", VEC3): below})
+        type = struct("Part", (("gradient", VEC3), ("material", material.type)))
+        params = (p,) if depth is None else (p, depth)
+        return Function(name, params, record(type, slope, material), field.names, field.where)
+
+    def _stand_in(self, group: Function) -> Function:
+        """A function in place of a group's field, whose gradient is not derived: the group's part has it."""
+        found = next((each for each, field in self.fields.items() if field is group), None)
+        if found is None:
+            found = Function(group.name, group.params, group.body)
+            slope = Function(group.name, group.params, construct(group.params[0], 0.0))
+            found.stated.gradients[0] = slope
+            self.fields[found], self.slopes[slope] = group, group
+        return found
+
+    def _of_group(self, group: Group, at: Expr) -> Expr:
+        if group.field not in self.made:
+            self.made[group.field] = self.part(f"{group.name}_part", group.field, group.marked)
+        return get(self.made[group.field](at), "material")
+
+    def _of_many(self, label: Union, point: Expr, at: Expr, _: Sequence[Expr]) -> Expr:
+        found = self.parts._evaluated(label, self.wanted, self._of_group, self._of_many)
+        if point is at and label not in self.joint and found.distance not in self.made:
+            self.joint[label] = self.made[found.distance] = found.part()
+        if point is at and label in self.joint:
+            return get(self.joint[label](point), "material")
+        if label not in self.many:
+            self.many[label] = found.value_at("material")
+        return self.many[label](point, at)
+
+    def _with_stand_in(self, node: Expr, args: tuple[Expr, ...]) -> Expr:
+        known = node.op == "call" and node.data in self.made
+        return self._stand_in(node.data)(*args) if known else rebuild(node, args)
+
+    def _with_part(self, node: Expr, args: tuple[Expr, ...]) -> Expr:
+        if node.op == "swizzle" and args[0].op == "call" and args[0].data in self.slopes:
+            return swizzle(get(self.made[self.slopes[args[0].data]](*args[0].args), "gradient"), node.data)
+        if node.op == "call" and node.data in self.fields:
+            return self.fields[node.data](*args)
+        return rebuild(node, args)
+
+    def _with_distance(self, node: Expr, args: tuple[Expr, ...]) -> Expr:
+        known = node.op == "call" and self.made.get(node.data) in self.joint.values()
+        return get(self.made[node.data](*args), "distance") if known else rebuild(node, args)
 
 
 class _Evaluated:
