@@ -224,6 +224,10 @@ class _Builder:
             self.finest = int(np.log2(size / smallest))
         self.low = 0.5 * (low + high) - 0.5 * size * counts
         self.largest = float(np.max(np.abs([self.low, self.low + size * counts])))
+        self._read_objects(lower, spread, lipschitz, bool(np.all(exactly)))
+
+    def _read_objects(self, lower: Array, spread: Array, lipschitz: Array, exact: bool) -> None:
+        """What bounds the values of each object in a cell: its sphere, the value there, and its slopes."""
         held = self.bounded
         middle = np.zeros_like(lower)
         radii = np.full(len(held), np.inf)
@@ -232,8 +236,8 @@ class _Builder:
         middle[held] = np.concatenate([centre for centre, _ in balls])[held]
         radii[held] = np.concatenate([radius for _, radius in balls])[held]
         self.spheres = np.concatenate([middle, radii[:, None]], axis=1).astype(np.float32)
-        self.at_middle = self.values(middle, np.arange(len(rows))).astype(np.float32)
-        self.all_exact = bool(np.all(exactly))
+        self.at_middle = self.values(middle, np.arange(len(self.rows))).astype(np.float32)
+        self.all_exact = exact
         self.flatness = (1.0 / (np.sqrt(3.0) * spread)).astype(np.float32)
         self.slopes = lipschitz.astype(np.float32)
         self.sloped = bool(np.any(lipschitz != 1.0))
@@ -510,6 +514,12 @@ class _Builder:
             del near, rest
             total += int(wins.sum())
             entries += len(level.items) - int(counts[split].sum())
+        return self._stored(blocks, written, depth)
+
+    def _stored(
+        self, blocks: list[NDArray[np.float32]], written: list[tuple[Whole, Whole, NDArray[np.int32]]], depth: int
+    ) -> Cells:
+        """The cells with all lists. written : texels, lengths of lists, and their items, which are freed."""
         places = np.concatenate([w[0] for w in written])
         counts = np.concatenate([w[1] for w in written])
         items = np.empty(int(counts.sum()), np.int32)
@@ -520,8 +530,7 @@ class _Builder:
             end -= len(some)
         starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
         _write(blocks, places, np.stack([starts[:-1], counts], axis=1))
-        begins = starts[:-1]
-        begins = begins[np.argsort(places)]
+        begins = starts[:-1][np.argsort(places)]
         merges, stack, unbounded = np.empty(0, np.uint8), 0, (len(items), 0)
         if self.blended:
             others = self.ranked[~self.bounded[self.ranked]]
