@@ -32,7 +32,7 @@ from tests.lab.suite import (
 from tests.lab.suite_plots import figure_3, figure_5, fronts
 
 SCALE = Scale((64, 36), 6, (8, 64, 128), ("plain", "enhanced"), (64, 128))
-ERRORS = {"plain": 4.0, "relaxed_again": 3.0, "relaxed": 3.0, "enhanced": 2.0, "auto_relaxed": 1.5, "bracketing": 1.0}
+ERRORS = dict(zip(TRACERS, (4.0, 3.0, 3.0, 2.0, 1.5, 1.0, 0.5), strict=True))
 TIMES = {"single": 10.0, "two": 8.0, "four": 12.0, "six": 13.0, "cone": 6.0}
 
 
