@@ -128,9 +128,10 @@ def colormap(
     if isinstance(colors, str):
         rows = srgb_to_linear(_map_of(colors, legal))
     else:
-        if not isinstance(colors, Sequence | np.ndarray) or not np.iterable(colors):
+        listed: Any = np.asarray(colors) if hasattr(colors, "__array__") else colors
+        if not isinstance(listed, Sequence | np.ndarray) or not np.iterable(listed):
             raise SceneError(f"colormap: colors = {short(colors)}", legal=legal)
-        rows = numbers("colormap: colors", [linear_color("colormap: colors", color) for color in colors], legal)
+        rows = numbers("colormap: colors", [linear_color("colormap: colors", color) for color in listed], legal)
         if rows.ndim != 2 or rows.shape[1] != 3 or len(rows) < 2 or not np.all(np.isfinite(rows)):
             raise SceneError(f"colormap: colors = {short(colors)}", legal=legal)
     absent = expr(linear_color("colormap: missing", missing))

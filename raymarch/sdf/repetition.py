@@ -143,8 +143,8 @@ def each_axis(name: str, what: str, value: Any, dimension: int = 3) -> list[Any]
     """One entry for each axis of an argument of the function `name`."""
     if isinstance(value, Expr) and value.type is not FLOAT:
         value = list(value)
-    if isinstance(value, np.ndarray):
-        value = value.tolist()
+    if isinstance(value, np.ndarray) or (hasattr(value, "__array__") and not isinstance(value, Expr | np.generic)):
+        value = np.asarray(value).tolist()
     if isinstance(value, tuple | list):
         if len(value) != dimension:
             each = "three for x, y and z" if dimension == 3 else "two for x and y"

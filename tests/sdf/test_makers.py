@@ -151,3 +151,23 @@ def test_a_tube_touches_a_ball_at_each_point_and_follows_a_curve() -> None:
 def test_tubes_refused(make: Any, message: str) -> None:
     with pytest.raises(rm.SceneError, match=message):
         make()
+
+
+class Tensor:
+    """What is an array for NumPy, as those of other libraries."""
+
+    def __init__(self, values: Any) -> None:
+        self._values = np.asarray(values)
+
+    def __array__(self, dtype: Any = None, copy: Any = None) -> np.ndarray[Any, Any]:
+        return self._values
+
+
+def test_arrays_of_other_libraries_are_taken_everywhere() -> None:
+    ball = rm.sphere(0.2)
+    assert ball.repeat(Tensor([1.0, 2.0, 3.0]), Tensor([3, 1, 2])) == ball.repeat((1, 2, 3), (3, 1, 2))
+    np.testing.assert_array_equal(
+        rm.colormap(0.5, Tensor([[1, 0, 0], [0, 1, 0]])), rm.colormap(0.5, ["red", (0, 1, 0)])
+    )
+    assert rm.Material(color=Tensor([0.1, 0.2, 0.3])) == rm.Material(color=(0.1, 0.2, 0.3))
+    assert rm.tube(Tensor([[0, 0, 0], [1, 0, 0]])).bounds[1][0] == 1.1
