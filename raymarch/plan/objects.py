@@ -78,8 +78,8 @@ def misread(scene: Scene) -> list[Doubt]:
     if any(map(reads_field, scene.lights)):
         effect = effect or "a penumbra"
     if not effect:
-        return []
-    found = narrow(scene)
+        return _wide_paths(scene)
+    found = [*_wide_paths(scene), *narrow(scene)]
     if (node := flush_cut(scene.node)) is not None:
         what = f"{node.name} cuts flush with a face, where {effect} reads a membrane of no thickness that is not drawn"
         found.append(Doubt("plan", what, "a tool that reaches beyond the face", where=node.where))
@@ -103,6 +103,15 @@ def misread(scene: Scene) -> list[Doubt]:
     what = f"{effect} reads a field that is {least:.2g} times the distance near a surface that is scaled or bent"
     so = "this is corrected to first order there, so it is too dark" if least < CORRECTED else "it is too dark there"
     return [*found, Doubt("plan", f"{what}; {so}", DISTANT)]
+
+
+def _wide_paths(scene: Scene) -> list[Doubt]:
+    """The doubt about paths whose rays end so early that thin solids pass light."""
+    epsilon = scene.quality.epsilon or 0.0
+    if not scene.bounces or scene.quality.integrator != "path" or epsilon < 1.0:
+        return []
+    what = f"Quality(epsilon={epsilon:g}) with bounces: light between thin solids is off by up to 10 %"
+    return [Doubt("plan", what, "an epsilon below 1")]
 
 
 def largest_size(scene: Scene) -> float:
