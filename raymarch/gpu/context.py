@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import atexit
 import ctypes
-import importlib
 import os
 import sys
 import threading
@@ -24,6 +23,7 @@ import moderngl
 from raymarch.errors import DeviceError, user_location
 from raymarch.expr.convert import plain, short
 from raymarch.gpu import current
+from raymarch.gpu.glfw_windows import CURES, GLFW, GlfwBinding, import_glfw, one_line
 from raymarch.gpu.signals import deferred
 from raymarch.plan.device import DeviceClass, device_class
 
@@ -32,13 +32,6 @@ BACKENDS = ("egl", "osmesa", "window")
 
 EGL_DEVICE_VARIABLE = "RAYMARCH_EGL_DEVICE"
 """Environment variable with the EGL device to use if `open_context` is called without one."""
-
-CURES = {
-    "egl": "install the packages libegl1 libgl1 libgl1-mesa-dri, or the EGL library of your GPU's driver",
-    "osmesa": "install the package libosmesa6",
-    "window": "run on a desktop, or install the package xvfb and run under `xvfb-run -a`",
-}
-"""How to make each backend work; package names are those of Debian and Ubuntu."""
 
 _GL_VERSION = 330
 _GL_WITH_COMPUTE = 430
@@ -243,7 +236,7 @@ class Context(Releasing):
         if self.window is None:
             current.bind((self._binding,))
         else:
-            _import_glfw().make_context_current(self.window)
+            import_glfw().make_context_current(self.window)
         if not current.is_current(self._binding):
             raise DeviceError(
                 f"the {self.backend} context ({self._opened}) cannot be made current in thread "
@@ -253,7 +246,7 @@ class Context(Releasing):
 
     def _caller(self) -> tuple[Any, current.Current]:
         """The current context: glfw's own record of a window, if glfw is used here, and the platform's."""
-        noted = None if self.window is None else _import_glfw().get_current_context()
+        noted = None if self.window is None else import_glfw().get_current_context()
         return noted or None, current.current()
 
     def _give_back(self, caller: tuple[Any, current.Current]) -> None:
@@ -261,7 +254,7 @@ class Context(Releasing):
             return  # forked inside the block: the current context belongs to the parent
         noted, before = caller
         if noted is not None or self.window is not None:
-            _import_glfw().make_context_current(noted)
+            import_glfw().make_context_current(noted)
         current.bind(before)
 
     def release(self) -> None:
@@ -276,7 +269,7 @@ class Context(Releasing):
                 self._released = True
                 self.gl.release()
                 if self.window is not None:
-                    _GLFW.close(self.window)
+                    GLFW.close(self.window)
                     self.window = None
 
     def read_unread(self) -> None:
@@ -405,9 +398,8 @@ def _open_auto(device: int) -> Context:
             return _open(backend, device, "; ".join([why, *answers]))
         except DeviceError as error:
             answers.append(f"{backend}: {error.what}")
-    raise DeviceError(
-        "no OpenGL context: " + "; ".join(answers), legal="any one will do: " + "; or ".join(CURES[b] for b in BACKENDS)
-    )
+    cures = "; or ".join(CURES[backend] for backend in BACKENDS)
+    raise DeviceError(f"no OpenGL context: {'; '.join(answers)}", legal=f"any one will do: {cures}")
 
 
 def _open(backend: str, device: int, why: str, shown: tuple[tuple[int, int], str] | None = None) -> Context:
@@ -421,16 +413,16 @@ def _open(backend: str, device: int, why: str, shown: tuple[tuple[int, int], str
         if backend == "egl":
             context = Context(_create_egl(device), backend, why)
         else:
-            window = _GLFW.open(offscreen=backend == "osmesa", shown=shown)
+            window = GLFW.open(offscreen=backend == "osmesa", shown=shown)
             with _kept_note():
                 context = Context(_create_on_glfw(window), backend, why, window)
     except DeviceError:
         raise
     except Exception as error:  # moderngl and glcontext raise bare Exception and ValueError
         if window is not None:
-            _GLFW.close(window)
+            GLFW.close(window)
         other = f"choose another EGL device, also by {EGL_DEVICE_VARIABLE}, 0 is the first; or " if device else ""
-        raise DeviceError(_one_line(error), legal=other + CURES[backend]) from error
+        raise DeviceError(one_line(error), legal=other + CURES[backend]) from error
     _opened = True
     return context
 
@@ -438,7 +430,7 @@ def _open(backend: str, device: int, why: str, shown: tuple[tuple[int, int], str
 @contextmanager
 def _kept_note() -> Iterator[None]:
     """Restore glfw's record of its current window after the block."""
-    glfw = _import_glfw()
+    glfw = import_glfw()
     noted = glfw.get_current_context() or None
     try:
         yield
@@ -477,7 +469,7 @@ def _create_egl(device: int) -> moderngl.Context:
 
 
 def _create_on_glfw(window: Any) -> moderngl.Context:
-    binding = _GlfwBinding(window)
+    binding = GlfwBinding(window)
     binding.__enter__()
     settings: dict[str, Any] = {"context": binding}
     try:
@@ -485,129 +477,6 @@ def _create_on_glfw(window: Any) -> moderngl.Context:
     except Exception:
         binding.__exit__()
         raise
-
-
-class _GlfwBinding:
-    """The interface that moderngl needs of a foreign context: addresses of GL functions, binding and unbinding."""
-
-    def __init__(self, window: Any) -> None:
-        self._window = window
-        self._glfw = _import_glfw()
-
-    def load_opengl_function(self, name: str) -> int:
-        address: int | None = self._glfw.get_proc_address(name)
-        return address or 0
-
-    load = load_opengl_function  # moderngl's older name for it
-
-    def __enter__(self) -> None:
-        self._glfw.make_context_current(self._window)
-
-    def __exit__(self, *_: object) -> None:
-        self._glfw.make_context_current(None)
-
-    def release(self) -> None:
-        """Do nothing: the window owns the context, and `Context.release` closes the window."""
-
-
-class _Glfw:
-    """The single glfw of the process. It runs one platform at a time, so OSMesa (null platform) and a display exclude
-    each other while a window of either exists."""
-
-    def __init__(self) -> None:
-        self._live: list[Any] = []
-        self._started_here = False
-
-    def open(self, *, offscreen: bool, shown: tuple[tuple[int, int], str] | None = None) -> Any:
-        """Open a window with a GL 3.3 core context, of OSMesa if `offscreen`, else of the display; see `_open`."""
-        with _quiet_glfw() as answer:
-            glfw = _import_glfw()
-            self._start(glfw, offscreen, answer)
-            glfw.default_window_hints()
-            for hint, value in _window_hints(glfw, offscreen, shown is not None):
-                glfw.window_hint(hint, value)
-            (width, height), title = shown or ((16, 16), "raymarch")
-            window = glfw.create_window(width, height, title, None, None)
-            if not window:
-                backend = "osmesa" if offscreen else "window"
-                raise DeviceError(answer("glfw made no window"), legal=CURES[backend])
-        self._live.append(window)
-        return window
-
-    def close(self, window: Any) -> None:
-        self._live.remove(window)
-        with _quiet_glfw():
-            _import_glfw().destroy_window(window)
-
-    def _start(self, glfw: Any, offscreen: bool, answer: Callable[[str], str]) -> None:
-        if glfw.get_version() < (3, 4, 0):
-            what = f"glfw {'.'.join(map(str, glfw.get_version()))} is too old"
-            raise DeviceError(what, legal="needs the GLFW library 3.4: pip install -U glfw")
-        running = glfw.get_platform()  # 0 if glfw is not initialized
-        if running and (running == glfw.PLATFORM_NULL) == offscreen:
-            return
-        if running:
-            self._refuse_to_switch(offscreen)
-            glfw.terminate()
-        glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_NULL if offscreen else glfw.ANY_PLATFORM)
-        self._started_here = bool(glfw.init())
-        if not self._started_here:
-            raise DeviceError(answer("glfw did not start"), legal=CURES["osmesa" if offscreen else "window"])
-
-    def _refuse_to_switch(self, offscreen: bool) -> None:
-        wanted, other = ("osmesa", "window") if offscreen else ("window", "osmesa")
-        if self._live:
-            what = f"{wanted} and {other} contexts cannot exist in one process: glfw runs one platform at a time"
-            raise DeviceError(what, legal=f"release the {len(self._live)} live {other} context(s) first, or take egl")
-        if not self._started_here:
-            what = f"glfw was started by other code on a platform without {wanted} contexts"
-            raise DeviceError(what, legal="call glfw.terminate() there first, or take egl")
-
-
-_GLFW = _Glfw()
-
-
-def _window_hints(glfw: Any, offscreen: bool, shown: bool) -> list[tuple[int, int]]:
-    hints = [
-        (glfw.VISIBLE, int(shown)),
-        (glfw.SCALE_TO_MONITOR, int(shown)),
-        (glfw.CONTEXT_VERSION_MAJOR, 3),
-        (glfw.CONTEXT_VERSION_MINOR, 3),
-        (glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE),
-    ]
-    if offscreen:  # OSMesa refuses a forward-compatible context; macOS gives a core profile to no other
-        hints.append((glfw.CONTEXT_CREATION_API, glfw.OSMESA_CONTEXT_API))
-    elif sys.platform == "darwin":
-        hints.append((glfw.OPENGL_FORWARD_COMPAT, 1))
-    return hints
-
-
-@contextmanager
-def _quiet_glfw() -> Iterator[Callable[[str], str]]:
-    """Silence glfw's warnings. Yields a function that returns glfw's last error text, or the default."""
-    glfw = _import_glfw()
-
-    def answer(default: str) -> str:
-        text: bytes | None = glfw.get_error()[1]
-        return text.decode(errors="replace") if text else default
-
-    before, glfw.ERROR_REPORTING = glfw.ERROR_REPORTING, "ignore"
-    try:
-        yield answer
-    finally:
-        glfw.ERROR_REPORTING = before
-
-
-def _import_glfw() -> Any:
-    """Import glfw on demand: it loads a shared library that EGL does not need."""
-    try:
-        return importlib.import_module("glfw")
-    except ImportError as error:
-        raise DeviceError(f"glfw cannot be imported: {_one_line(error)}", legal="pip install glfw") from error
-
-
-def _one_line(error: BaseException) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
 
 
 def _driver(info: dict[str, Any]) -> Driver:

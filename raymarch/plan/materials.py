@@ -4,24 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache, reduce
+from functools import lru_cache
 from typing import Any, TypeAlias
 
-import numpy as np
-
-from raymarch.expr.adjoints import add_choices, map_choices
 from raymarch.expr.choices import merge_calls
 from raymarch.expr.derivative import opened, raw_gradient, saving, share_values
 from raymarch.expr.function import Function
 from raymarch.expr.node import Expr, const, construct, make, swizzle, var
 from raymarch.expr.operations import operations_of
 from raymarch.expr.reads import merge_reads
-from raymarch.expr.tables import Table, fetch
 from raymarch.expr.types import FLOAT, VEC3, struct
 from raymarch.expr.vocabulary import abs, get, normalize, parts_of, record, where
 from raymarch.expr.walk import find, free_variables, rebuild, rewrite, substitute
 from raymarch.plan.bounding import BoundedUnion
 from raymarch.plan.hoisting import Hoisting
+from raymarch.plan.mixing import Palette, RowMaterial, chosen_by, largest, mean, read_where
 from raymarch.plan.objects import Many, ObjectsInCells
 from raymarch.plan.shading import mapped, needs_surface, patterned
 from raymarch.scene.bsdf import BSDF, Phong
@@ -29,7 +26,6 @@ from raymarch.scene.fields import FIELDS, GLASS, PHYSICAL, RELIEF
 from raymarch.scene.material import Material
 from raymarch.scene.scene import Scene
 from raymarch.scene.surfaces import bsdf_of
-from raymarch.sdf.columns import Packing
 from raymarch.sdf.labels import seen_labels
 from raymarch.sdf.lower import (
     LOCAL_INTERACTION,
@@ -111,9 +107,6 @@ Union: TypeAlias = Many | BoundedParts
 OfMany: TypeAlias = Callable[[Union, Expr, Expr, Sequence[Expr]], Expr]
 """What is wanted of such a union at a point; their materials are evaluated at the second point. The last argument is
 normal and footprint in the space of the point."""
-
-Term: TypeAlias = tuple[Expr, Expr]
-"""The weight of a part and its value."""
 
 
 def _fields(name: str, names: Sequence[str]) -> Wanted:
@@ -223,14 +216,14 @@ class _Parts:
                 value = of_many(mark.data, mark.args[1], at, local)
             else:
                 values = material_expressions(mark, interaction)
-                value = self._wanted(mark.data, _read_where(values, weight), wanted)
+                value = self._wanted(mark.data, read_where(values, weight), wanted)
                 if inner is not None:
                     (value,) = substitute([value], {marked.params[0]: inner})
             terms.append((weight, value))
         default = self._wanted(self.scene.materials[0], self.scene.materials[0].expressions, wanted)
         if all(value is terms[0][1] for _, value in terms):
             return terms[0][1] if terms else default
-        return _chosen(terms, _largest if wanted is None else _mean, default)
+        return chosen_by(terms, largest if wanted is None else mean, default)
 
     def _evaluated(self, label: Union, wanted: Wanted | None, of_group: OfGroup, of_many: OfMany) -> _Evaluated:
         if isinstance(label, Many):
@@ -498,90 +491,3 @@ def _only_slot(template: Node) -> int | None:
         return None  # some parts may have no label
     (first, *others) = labels
     return first.index if not others and isinstance(first, Slot) else None
-
-
-class Palette:
-    """The constant materials of many objects, as rows of a table."""
-
-    def __init__(self, materials: Sequence[Sequence[Expr]], numbers: Sequence[int]) -> None:
-        self.fixed: dict[int, Expr] = {}
-        names, values = [], []
-        for i, first in enumerate(materials[0]):
-            given = [m[i] for m in materials]
-            if any(not value.is_constant for value in given) or all(value is first for value in given):
-                self.fixed[i] = first
-                continue
-            names.append(var(f"value {i}", first.type))
-            values.append(np.array([value.data for value in given], np.float64))
-        self.count = len(materials[0])
-        self.packing = Packing(names, 1)
-        values.append(np.array(numbers, np.float64))
-        self.table = Table(self.packing.table(values, len(materials)), f"{len(materials):,} materials")
-
-    def read(self, row: Expr) -> list[Expr]:
-        """The values of a material in order, and its number in the scene."""
-        first = row * float(self.packing.texels)
-        texels = [fetch(self.table, first + float(i)) for i in range(self.packing.texels)]
-        read = iter(self.packing.read(texels))
-        return [*(self.fixed[i] if i in self.fixed else next(read) for i in range(self.count)), next(read)]
-
-
-class RowMaterial:
-    """The label of a part whose material is a row of a palette."""
-
-    def __init__(self, palette: Palette, row: Expr) -> None:
-        *self.expressions, self.number = palette.read(row)
-
-
-def _chosen(terms: Sequence[Term], leaf: Callable[[Sequence[Term]], Expr], default: Expr) -> Expr:
-    """The value of the part that decides, as a choice where the weights are; `leaf` joins the values of several."""
-    terms = [(weight, value) for weight, value in terms if not (weight.is_constant and float(weight.data) == 0.0)]
-    if not terms:
-        return default
-    first = terms[0][0]
-    if first.op == "where" and all(w.op == "where" and w.args[0] is first.args[0] for w, _ in terms):
-        yes, no = ([(weight.args[k], value) for weight, value in terms] for k in (1, 2))
-        return where(first.args[0], _chosen(yes, leaf, default), _chosen(no, leaf, default))
-    return leaf(terms)
-
-
-def _mean(terms: Sequence[Term]) -> Expr:
-    """The weighted mean of some values; of structs, that of each field."""
-    first = terms[0][1]
-    if all(value is first for _, value in terms):
-        return first
-    if first.type.fields:
-        names = [name for name, _ in first.type.fields]
-        return record(first.type, *[_mean([(w, get(value, name)) for w, value in terms]) for name in names])
-    total = reduce(add_choices, [weight for weight, _ in terms])
-    products = [map_choices(lambda w, v=value: w * v, weight) for weight, value in _summed(terms)]  # type: ignore[misc]
-    return reduce(add_choices, products) / (total if total.is_constant else where(total <= 0.0, 1.0, total))
-
-
-def _largest(terms: Sequence[Term]) -> Expr:
-    best, result = const(-1.0), const(0.0)
-    for weight, value in _summed(terms):
-        result = where(best < weight, value, result)
-        best = where(best < weight, weight, best)
-    return result
-
-
-def _summed(terms: Sequence[Term]) -> list[Term]:
-    """The terms with the weights of equal values added."""
-    sums: dict[Expr, Expr] = {}
-    for weight, value in terms:
-        sums[value] = add_choices(sums[value], weight) if value in sums else weight
-    return [(weight, value) for value, weight in sums.items()]
-
-
-def _read_where(values: Sequence[Expr], weight: Expr) -> Sequence[Expr]:
-    """The values of a part's material; its textures are read only where its weight is above 0."""
-    if weight.is_constant or not find(values, "texture"):
-        return values
-    visible = map_choices(lambda w: where(w <= 0.0, 0.0, 1.0), weight)
-
-    def rule(node: Expr, args: tuple[Expr, ...]) -> Expr:
-        return rebuild(node, (*args[:3], visible * args[3]) if node.op == "texture" else args)
-
-    new = rewrite(values, rule)
-    return [new[value] for value in values]

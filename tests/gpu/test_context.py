@@ -138,7 +138,7 @@ def test_no_backend_at_all_names_every_answer_and_every_package(monkeypatch: Any
         raise DeviceError("no library" if offscreen else "no display")
 
     monkeypatch.setenv("GLCONTEXT_LINUX_LIBEGL", "/nowhere/libEGL.so")
-    monkeypatch.setattr(module._GLFW, "open", refuse)
+    monkeypatch.setattr(module.GLFW, "open", refuse)
     with pytest.raises(DeviceError) as caught:
         open_context("auto")
     for word in ("not loaded", "no library", "no display", "libegl1", "libgl1-mesa-dri", "libosmesa6", "xvfb"):
@@ -157,10 +157,10 @@ def test_a_failed_opening_leaves_the_current_context(egl: Context, monkeypatch: 
 
 def test_an_old_opengl_is_refused_and_its_window_closed(osmesa: Context, monkeypatch: Any) -> None:
     monkeypatch.setattr(module, "_GL_VERSION", 990)
-    windows = len(module._GLFW._live)
+    windows = len(module.GLFW._live)
     with pytest.raises(DeviceError, match="990"):
         open_context("osmesa")
-    assert len(module._GLFW._live) == windows
+    assert len(module.GLFW._live) == windows
 
 
 def test_osmesa_and_a_window_exclude_each_other(osmesa: Context) -> None:
