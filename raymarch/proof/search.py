@@ -225,13 +225,14 @@ def _around(given: Given, some: Whole, at: Array, verdict: Verdict, outside: boo
     """Whether a point in the solid, or outside of it, lies within the tolerance of points on rays.
 
     some : the rays. at : the points on them. Asked are the points and places on a sphere: of a sharp edge, the solid
-    fills a small part of it.
+    fills a small part of it. Where the cube around the sphere is all outside, or all in the solid, there is none.
     """
     found = np.zeros(len(some), bool)
+    possible = _may_differ(given, some, at, verdict, outside)
     every = spiral(AROUND)
     first = np.arange(0, AROUND, AROUND // FIRST)
     for directions in (np.zeros((1, 3)), every[first], np.delete(every, first, axis=0)):
-        open_ = np.flatnonzero(~found)
+        open_ = np.flatnonzero(possible & ~found)
         if not len(open_):
             break
         rays, count = some[open_], len(directions)
@@ -249,6 +250,19 @@ def _around(given: Given, some: Whole, at: Array, verdict: Verdict, outside: boo
             found[owners[low > 0.0]] = True
         else:
             found[owners[work.rays[value[1] < 0.0]]] = True
+    return found
+
+
+def _may_differ(given: Given, some: Whole, at: Array, verdict: Verdict, outside: bool) -> NDArray[np.bool_]:
+    """False where the cube around a point of a ray is all in the solid, or all outside unless `outside`."""
+    rays, zero = given.rays[some], np.zeros(len(some))
+    half = np.broadcast_to(given.within[some, None], (len(some), 3))
+    part = Rays(rays.origins + at[:, None] * rays.directions, np.zeros_like(half), beside=half)
+    work = given.operands.met(part, zero, zero)
+    cube, _, _ = given.operands.enclose(part, work, work.start)
+    verdict.evaluations += np.bincount(some[work.rays], minlength=len(given))
+    found = np.full(len(some), outside)
+    found[work.rays[cube[1] < 0.0 if outside else ~(cube[0] > 0.0)]] = not outside
     return found
 
 

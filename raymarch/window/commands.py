@@ -139,7 +139,7 @@ def change_accuracy(model: Model, step: int) -> None:
 def set_side(model: Model, side: str) -> None:
     """Split the picture: the right side shows the most exact setting or the reference."""
     model.compare.side = side
-    model.say("compare", side=side, errors=model.compare.errors)
+    model.say("compare", side=side, over=model.compare.over)
 
 
 def next_side(model: Model, step: int) -> None:
@@ -150,11 +150,16 @@ def next_side(model: Model, step: int) -> None:
     model.notice(words[side] if side == "off" else f"right side: {words[side]}")
 
 
-def toggle_errors(model: Model) -> None:
-    """Show or hide the errors over the picture."""
-    model.compare.errors = not model.compare.errors
-    model.say("compare", side=model.compare.side, errors=model.compare.errors)
-    model.notice("errors against the float64 reference, tile by tile" if model.compare.errors else "no errors shown")
+def toggle_over(model: Model, what: str) -> None:
+    """Show one of `OVER` over the picture, or hide it."""
+    model.compare.over = "off" if model.compare.over == what else what
+    model.say("compare", side=model.compare.side, over=model.compare.over)
+    words = {
+        "off": "nothing over the picture",
+        "errors": "errors against the float64 reference, tile by tile",
+        "proof": "the proof of each hit, tile by tile: green proved, red contradicted, yellow open",
+    }
+    model.notice(words[model.compare.over])
 
 
 def set_divider(model: Model, x: float) -> None:

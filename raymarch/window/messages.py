@@ -131,7 +131,9 @@ def _sides(model: Model) -> list[Message]:
     """What the two sides of a split picture are, and how far the reference is computed."""
     side, computed = model.compare.side, "" if model.known == 1.0 else f", {100 * model.known:.0f} % computed"
     messages = []
-    if model.compare.errors and computed and side != "truth":
+    if model.verdicts is not None:
+        messages.append(Message(model.verdicts.words, "note", "bottom left"))
+    if model.compare.over == "errors" and computed and side != "truth":
         messages.append(Message(f"reference{computed}", "note", "bottom left"))
     if side != "off":
         colour = "" if model.state.view == "final" else ", colour"

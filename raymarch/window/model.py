@@ -39,6 +39,9 @@ SIDES = ("off", "exact", "truth")
 """What the right side of a split picture shows: the most exact setting, or the float64 reference."""
 
 
+OVER = ("off", "errors", "proof")
+"""What lies over the picture: errors against the reference, or the proof of each hit."""
+
 SAVED_SIZES = ("as shown", "2 x", "4 x", "1920x1080", "3840x2160")
 """Sizes of saved pictures: multiples of the picture in the window, or pixels."""
 
@@ -166,16 +169,36 @@ class Series:
 @dataclass(slots=True)
 class Compare:
     """What the picture is compared with: the right side of the split picture, one of `SIDES`; the divider as a fraction
-    of the picture's width; whether errors lie over the picture."""
+    of the picture's width; what lies over the picture, one of `OVER`."""
 
     side: str = "off"
     divider: float = 0.5
-    errors: bool = False
+    over: str = "off"
 
     @property
     def reference(self) -> bool:
         """True if the float64 reference is needed."""
-        return self.side == "truth" or self.errors
+        return self.side == "truth" or self.over == "errors"
+
+
+@dataclass(frozen=True, slots=True)
+class Verdicts:
+    """How many hits of the picture are proved, contradicted and open so far, of all pixels."""
+
+    proved: int
+    contradicted: int
+    open: int
+    pixels: int
+
+    @property
+    def words(self) -> str:
+        judged = self.proved + self.contradicted + self.open
+        share = 100.0 * self.proved / max(judged, 1)
+        text = f"proved: {share:.2f} %"  # never 100 % with an open pixel
+        if self.proved < judged:
+            text = f"proved: {min(share, 99.99):.2f} %"
+        text += f", {self.contradicted:,} contradicted, {self.open:,} open"
+        return text if judged == self.pixels else f"{text}; {100 * judged // max(self.pixels, 1)} % judged"
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,6 +238,7 @@ class Model:
     panel : whether the panel is visible; None if its extra is not installed.
     narrow : whether the panel is narrow. opened : whether sections of the panel are open, by name.
     compare : what the picture is compared with. known : the fraction of the reference that is computed.
+    verdicts : how far the proof of the picture is; None if it is not asked for.
     help, fault, pick : messages. notice_text, notice_until : the last notice, and when it ends.
     listed_at : time of the last change of a selected parameter, whose list fades.
     full_screen, rate : whether the window fills the screen, and its frames per second.
@@ -245,6 +269,7 @@ class Model:
     compare: Compare = field(default_factory=Compare)
     saved_size: str = "as shown"
     known: float = 0.0
+    verdicts: Verdicts | None = None
     help: bool = False
     notice_text: str = ""
     notice_until: float = 0.0

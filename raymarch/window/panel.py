@@ -99,9 +99,10 @@ class Panel:
         side = fields.choice("beside", SIDES, model.compare.side)
         if side != model.compare.side:
             do.set_side(model, side)
-        if imgui.checkbox("errors against the reference", model.compare.errors)[0]:
-            do.toggle_errors(model)
-        fields.mark("errors")
+        for what, label in (("errors", "errors against the reference"), ("proof", "proof of each hit")):
+            if imgui.checkbox(label, model.compare.over == what)[0]:
+                do.toggle_over(model, what)
+            fields.mark(what)
         changed, budget = fields.slider("budget, ms", model.budget, 5.0, 200.0)
         if changed:
             do.set_pace(model, budget=budget)

@@ -33,6 +33,7 @@ from raymarch.window.model import (
     Open,
     SavePicture,
     Show,
+    Verdicts,
 )
 from raymarch.window.news import Failed, Fault, Loaded, Started, Watching
 from raymarch.window.pick import Pick
@@ -151,7 +152,13 @@ def test_the_divider_of_a_split_picture_is_dragged() -> None:
     press(model, "k")
     assert model.compare.side == "off" and not model.compare.reference
     press(model, "o")
-    assert model.compare.errors and model.compare.reference
+    assert model.compare.over == "errors" and model.compare.reference
+    press(model, "t")
+    assert model.compare.over == "proof" and not model.compare.reference and "proof of each hit" in text_of(model)
+    press(model, "t")
+    assert model.compare.over == "off"
+    model.verdicts = Verdicts(99_999, 0, 1, 200_000)
+    assert "proved: 99.99 %, 0 contradicted, 1 open; 50 % judged" in text_of(model)
 
 
 def test_a_copied_camera_runs_as_it_is() -> None:

@@ -10,8 +10,12 @@ import pytest
 
 import raymarch as rm
 from raymarch.cost.maps import ERROR_SCALE, WRONG, errors_of
+from raymarch.proof import COLORS
+from raymarch.proof.search import CONTRADICTED, PROVED
 from raymarch.window import comparison
-from raymarch.window.reference import Reference, from_centre, traced
+from raymarch.window.model import Verdicts
+from raymarch.window.proving import OPACITY, Proving
+from raymarch.window.reference import Abandoned, Reference, from_centre, traced
 from tests.window.test_commands import model_of
 
 SIZE = (48, 32)
@@ -66,6 +70,45 @@ def test_a_scene_that_cannot_be_traced_says_why() -> None:
     assert woken.wait(20)
     (tile,) = reference.latest()
     assert tile.trouble and reference.share == 0.0
+
+
+def test_hits_are_proved_and_a_wrong_one_is_contradicted() -> None:
+    model, woken = model_of(), threading.Event()
+    shot, proving = model.state.shot(), Proving(woken.set)
+    model.state.aspect = SIZE[0] / SIZE[1]
+    proving.depth = rm.truth(model.state.scene, SIZE, outputs=("depth",)).depth.copy()
+    middle = SIZE[1] // 2, SIZE[0] // 2
+    proving.depth[middle] *= 0.99
+    shot = model.state.shot()
+    proving.ask(shot, model.state.values, SIZE)
+    assert woken.wait(20)
+    assert not [tile.trouble for tile in proving.latest() if tile.trouble]
+    assert proving.verdicts == Verdicts(SIZE[0] * SIZE[1] - 1, 1, 0, SIZE[0] * SIZE[1]) and proving.share == 1.0
+    assert proving.state[middle] == CONTRADICTED
+    layer = comparison.proof_layer(proving.state, SIZE[0] - 1)
+    assert tuple(layer[middle]) == tuple(layer[middle[0] + 1, middle[1] - 1]) == (*COLORS[CONTRADICTED], 255)
+    assert tuple(layer[0, 0]) == (*COLORS[PROVED], OPACITY[PROVED]) and not layer[:, -1].any()
+    assert proving.covers(replace(shot, view="normal"), SIZE)
+    draft = shot.scene.replace(quality=rm.Quality.preset("draft"))
+    for other in (replace(shot, params={"radius": 1.5}), replace(shot, scene=draft), replace(shot, time=1.0)):
+        assert not proving.covers(other, SIZE)
+
+
+def test_a_proof_that_nobody_asks_for_ends_soon() -> None:
+    """Within a tile: the thread asks after each round of stretches."""
+    model = model_of()
+    shot, proving = model.state.shot(), Proving(lambda: None)
+    asked = []
+
+    def check() -> None:
+        asked.append(True)
+        if len(asked) > 2:
+            raise Abandoned
+
+    proving.depth = np.full(SIZE[::-1], np.inf)
+    make = proving.work(shot, model.state.values, SIZE, check)
+    with pytest.raises(Abandoned):
+        make((0, 0, *SIZE))
 
 
 def test_errors_are_those_of_the_error_view() -> None:

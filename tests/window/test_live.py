@@ -104,6 +104,20 @@ def test_tab_never_reaches_the_fields_of_the_panel(session: Session) -> None:
     hand.key("h")
 
 
+def test_the_proof_over_the_picture(session: Session) -> None:
+    """Green where hits are proved, and judged anew when the camera moves."""
+    hand, mark = session.hand, session.mark()
+    before = pixel(session.hand.see(), BALL)
+    hand.key("t")
+    session.wait("proof", lambda e: e["share"] == 1.0, mark)
+    green = np.array(pixel(session.settled(), BALL), int) - before
+    assert green[0] < -40 and green[1] > green[0] + 30
+    mark = session.mark()
+    hand.drag((600, 600), (560, 600), steps=2)
+    session.wait("proof", lambda e: e["share"] == 1.0, mark)
+    hand.key("t")
+
+
 def test_typing_a_number_does_not_fly(session: Session) -> None:
     """Ctrl and a click make a slider a field of text."""
     hand, before = session.hand, session.settled()

@@ -103,7 +103,9 @@ def test_view_time_and_camera(shown: Shown) -> None:
     shown.drag("beside", 0, 0, down=66)
     assert model.compare.side == "truth"
     shown.click("errors")
-    assert model.compare.errors
+    assert model.compare.over == "errors"
+    shown.click("proof")
+    assert model.compare.over == "proof"
     shown.click("save PNG")
     assert isinstance(model.requests.pop(), SavePicture)
     shown.click("pause")
