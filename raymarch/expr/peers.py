@@ -31,7 +31,7 @@ FUNCTIONS = _keys(
         "ball sdsphere uvsphere icosphere spheregeometry": "rm.sphere(1)",
         "donut sdtorus torusgeometry": "rm.torus(major=1, minor=0.25)",
         "ground halfspace groundplane sdplane planegeometry": "rm.plane(offset=0)",
-        "cappedcylinder tube rod sdcylinder cylindergeometry": "rm.cylinder(radius=1, height=2)",
+        "cappedcylinder rod sdcylinder cylindergeometry": "rm.cylinder(radius=1, height=2)",
         "cappedcone frustum sdcone": "rm.cone(radius=0.9, height=1.6, top=0.4)",
         "roundbox sdroundbox roundedboxgeometry": "rm.rounded_box(...)",
         "boxframe wireframebox sdboxframe": "rm.box_frame(...)",

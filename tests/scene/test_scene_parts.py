@@ -121,7 +121,7 @@ def test_a_part_in_another_place_is_told_where_it_belongs(words: str) -> None:
 
 def test_every_part_of_a_scene_says_where_it_belongs() -> None:
     parts = [kind for name in rm.scene.__all__ if isinstance(kind := getattr(rm.scene, name), type)]
-    assert {kind.__name__ for kind in parts if not getattr(kind, "BELONGS", "")} == {"DirectionSample"}
+    assert {kind.__name__ for kind in parts if not getattr(kind, "BELONGS", "")} == {"DirectionSample", "TracerState"}
 
 
 # What is filled in.

@@ -186,7 +186,7 @@ def test_the_panel_and_a_split_picture(view: View) -> None:
 
     # Beside the reference, with the errors over the picture: both are computed tile by tile.
     hand.key("k"), hand.key("o")
-    session.wait("compare", lambda e: e["errors"] and e["side"] == "truth")
+    session.wait("compare", lambda e: e["over"] == "errors" and e["side"] == "truth")
     mark = session.mark()
     hand.resize(400, 300)  # 160 x 300 pixels beside the panel
     session.wait("reference", lambda e: e["share"] == 1.0, mark)
