@@ -49,13 +49,20 @@ SOFT = [kind for kind in KINDS if kind != "light/shadow"]
 
 
 def shadows(
-    egl: Context, kind: str, body: str, ways: object, far: float = 4.0, width: float = 0.1, radiance: float = 1.0
+    egl: Context,
+    kind: str,
+    body: str,
+    ways: object,
+    far: float = 4.0,
+    width: float = 0.1,
+    radiance: float = 1.0,
+    normal: str = "0.0, 0.0, 1.0",
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """What is seen of lights from the origin, whose normal is z, and how often the field is asked, for each way."""
+    """What is seen of lights from the origin and how often the field is asked, for each way."""
     after = f"""
         float body(vec3 p) {{ return {body}; }}
         vec2 seen(vec3 way) {{
-            Surface surface = Surface(vec3(0.0), vec3(0.0, 0.0, 1.0), 1.0);
+            Surface surface = Surface(vec3(0.0), vec3({normal}), 1.0);
             Light light = Light(way, {far}, vec3({radiance}));
             float width = {width};
             float share = {KINDS[kind]};
@@ -100,6 +107,18 @@ def test_what_stands_in_the_way_leaves_nothing(egl: Context, kind: str) -> None:
     """Not a little more or less, and without steps after it is known."""
     seen, asked = shadows(egl, kind, "length(p - vec3(0.3, 0.0, 2.0)) - 1.0", [*UP, [0.28, 0, 0.96]])
     assert np.all(seen == 0.0) and asked.max() <= 64
+
+
+AROUND = [*np.eye(3), *-np.eye(3), [0.05, -0.9987, 0.0], [0.0, -0.9999, 0.0141]]
+
+
+@pytest.mark.parametrize("way", AROUND, ids=str)
+def test_a_disc_that_is_cut_in_halves_gives_half_whatever_its_direction(egl: Context, way: list[float]) -> None:
+    """A half-space whose face holds the ray to the middle of the disc."""
+    across = np.cross(way, np.roll(way, 1) + 0.1)
+    x, y, z = across / np.linalg.norm(across)
+    seen, _ = shadows(egl, "light/two_sided", f"dot(p, vec3({x}, {y}, {z}))", [way], normal=", ".join(map(str, way)))
+    np.testing.assert_allclose(seen, 0.5, atol=0.012)
 
 
 def test_a_bound_that_is_flat_where_the_ray_starts_is_no_obstacle(egl: Context) -> None:

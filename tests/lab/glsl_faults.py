@@ -4,7 +4,7 @@ python -m tests.lab.glsl_faults               # those that the ledger does not h
 python -m tests.lab.glsl_faults --anew        # all
 python -m tests.lab.glsl_faults march/refine  # of some modules, anew
 python -m tests.lab.glsl_faults --missed      # those that nothing noticed, anew, by ten times as many tests
-python -m tests.lab.glsl_faults --functions   # asks the tests of functions alone, and records what they notice
+python -m tests.lab.glsl_faults --functions   # asks the tests of functions alone about those that nothing noticed
 python -m tests.lab.glsl_faults --uses FILE   # keep in a file what the tests draw with, or take it from there
 
 A fault takes out what somebody could forget: a clamp or floor (max, min, clamp), a guard (a line that returns, breaks
@@ -186,6 +186,8 @@ def wanted(given: list[str]) -> list[Fault]:
     """The faults that the arguments ask for, always in the same random order: what a part of a run asks is a sample."""
     known, faults = ledger(), every([name for name in given if not name.startswith("-")])
     random.Random(1).shuffle(faults)
+    if "--functions" in given:  # new ones would make a sample of what these tests notice
+        return [fault for fault in faults if known["noticed"].get(fault.name) in UNNOTICED]
     if "--missed" in given:
         faults = [fault for fault in faults if known["noticed"].get(fault.name, "missed") in UNNOTICED]
         return [fault for fault in faults if fault.name not in known["none"]]

@@ -44,10 +44,9 @@ void main() {
         vec2 pixel;
         if (find_in_history(texelFetch(u_surface, nearest, 0), ray.origin + motion, ray.direction, pixel)) {
             // the sample is jittered off the pixel's centre, and so is its previous position
-            before = history_at(pixel - u_jitter);
-            if (finite(before)) before = vec4(clipped(before.rgb), min(before.a, kept));
+            vec4 seen = history_at(pixel - u_jitter);
+            if (finite(seen)) before = vec4(clipped(seen.rgb), min(seen.a, kept));
         }
-        if (!finite(before)) before = vec4(0.0);
         if (kept < MEMORY || motion != vec3(0.0)) color = filter_sample(at, color, u_jitter, before.a / MEMORY);
     }
     if (!finite(before)) before = vec4(0.0);
