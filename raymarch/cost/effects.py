@@ -153,6 +153,7 @@ def ablate(
     if not variants:
         raise CostError("the scene has no effects", legal="shadows, fog, occlusion, light of the sky, several lights")
     renderer.kept = max(renderer.kept, 4 * (len(variants) + 1))
+    renderer.resources.live_lights = False  # each variant is drawn as a scene of its own
     complete = _figures(scene, renderer, time, params)
     found = []
     for i, (name, made) in enumerate(variants):
@@ -272,6 +273,7 @@ def dearest(
     variants = [("", scene), *ablations(scene)]
     with Renderer(small, backend, device) as renderer:
         renderer.kept = max(renderer.kept, 4 * len(variants))
+        renderer.resources.live_lights = False
         software = renderer.context.driver.is_software
         counts, times = [], np.zeros((len(variants), REPEATS))
         for _, made in variants:

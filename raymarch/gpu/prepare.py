@@ -22,9 +22,10 @@ from raymarch.gpu.budget import LightPace
 from raymarch.gpu.camera_field import CameraField
 from raymarch.gpu.program import FULL_SCREEN, RAYS, Elements
 from raymarch.gpu.slices import Slice
-from raymarch.plan import OUTPUTS, Plan, lights, marching, plan
+from raymarch.plan import OUTPUTS, Plan, lights, marching, plan, relit
 from raymarch.plan.device import DeviceClass
 from raymarch.plan.hoisting import with_hoisted
+from raymarch.plan.live_lights import LiveLights
 from raymarch.plan.passes import DRAWN
 from raymarch.scene.camera import Pose
 from raymarch.scene.legal import violations
@@ -101,14 +102,15 @@ def prepare(
     outputs: Sequence[Wanted] = ("color",),
     size: tuple[int, int] | None = None,
     device: DeviceClass | None = None,
+    live: LiveLights | None = None,
 ) -> Prepared:
     """Plan and assemble a scene for the passes that render `outputs`. May run in any thread.
 
     size : (width, height) of the picture, by which the plan estimates the gain of further passes.
-    device : the class of devices that draw it; see `raymarch.plan.plan`.
+    device : the class of devices that draw it. live : how lights are drawn that come and go; see `raymarch.plan.plan`.
     Raises SceneError for an unknown output and PlanError for a scene that cannot be planned.
     """
-    return assembled(plan(scene, passes_for(outputs), size, device=device))
+    return assembled(plan(scene, passes_for(outputs), size, device=device, live=live))
 
 
 def assembled(made: Plan, part: bool = False) -> Prepared:
@@ -128,10 +130,32 @@ def assembled(made: Plan, part: bool = False) -> Prepared:
         distance,
         CameraField(made),
         _live(lambda now: Elements(given.sky.harmonics(now)), given.sky.expressions) if made.sky_light else None,
-        _live(partial(lights.rows, given), _last(lights.table(given).varied)) if made.lights_as_data else None,
-        _live(partial(lights.balls, given), _last(lights.table(given).moving)) if made.lights_in_cells else None,
+        *_lights(made),
         effects=effects,
     )
+
+
+def with_lights(ready: Prepared, scene: Scene, live: LiveLights | None) -> Prepared | None:
+    """A scene that differs in its lights alone from a prepared one, if its shader is the same; else None.
+
+    live : how the lights are drawn; see `LightMemory.fit`.
+    """
+    made = relit(ready.plan, scene, live)
+    if made is None:
+        return None
+    rows, balls = _lights(made)
+    return replace(ready, plan=made, lights=rows, balls=balls, pace=LightPace())
+
+
+def _lights(made: Plan) -> tuple[Remembered[NDArray[np.float32]] | None, Remembered[NDArray[np.float64]] | None]:
+    """The rows of the lights of a scene, and what they reach, where the shader reads them."""
+    scene, count = made.scene, len(made.given.lights)
+    rows, balls = None, None
+    if made.lights_as_data:
+        rows = _live(partial(lights.rows, scene, count=count), _last(lights.table(scene).varied))
+    if made.lights_in_cells:
+        balls = _live(partial(lights.balls, scene, count=count), _last(lights.table(scene).moving))
+    return rows, balls
 
 
 def _live(make: Callable[[Values], Result], read: Sequence[Expr]) -> Remembered[Result]:

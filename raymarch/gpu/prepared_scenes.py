@@ -8,9 +8,10 @@ from functools import partial
 from typing import Any
 
 from raymarch.gpu.part import prepared_part
-from raymarch.gpu.prepare import Prepared, Wanted, assembled, passes_for
+from raymarch.gpu.prepare import Prepared, Wanted, assembled, passes_for, with_lights
 from raymarch.gpu.resource_cache import ResourceCache, check_compile_time
 from raymarch.plan import Plan, marched_otherwise, marching, plan
+from raymarch.plan.live_lights import LightMemory, LiveLights
 from raymarch.scene.scene import Scene
 
 PLANNED = 8
@@ -24,6 +25,8 @@ class PreparedScenes:
         self._resources = resources
         self._ready: OrderedDict[tuple[Any, ...], Prepared] = OrderedDict()
         self._plans: OrderedDict[tuple[Any, ...], Plan] = OrderedDict()
+        self._lights = LightMemory()
+        self._versions: OrderedDict[tuple[Any, ...], Prepared] = OrderedDict()
         self._last: tuple[Scene, tuple[Any, ...], Prepared] | None = None
 
     def of(self, scene: Scene, outputs: Sequence[Wanted], size: tuple[int, int], part: bool = False) -> Prepared:
@@ -38,20 +41,38 @@ class PreparedScenes:
         key = (scene.planned, *asked)
         found = self._ready.get(key)
         if found is None:
-            make = prepared_part if part else assembled
-            found = make(self._planned(scene, passes, size))
+            found = self._fresh(scene, asked)
             self._add(key, found)
         self._last = (scene, asked, found)  # large scenes take long to hash
         return found
 
+    def _fresh(self, scene: Scene, asked: tuple[tuple[str, ...], tuple[int, int], bool]) -> Prepared:
+        """A scene that is not known. One that differs from a known one in its lights alone may keep the shader."""
+        passes, size, part = asked
+        if part or not self._resources.live_lights:
+            return (prepared_part if part else assembled)(self._planned(scene, passes, size, None))
+        of = scene.planned_without("lights")
+        live = self._lights.fit(scene, of)
+        key = (of, passes, size)
+        earlier = self._versions.pop(key, None)
+        found = None if earlier is None else with_lights(earlier, scene, live)
+        self._versions[key] = found = found or assembled(self._planned(scene, passes, size, live))
+        while len(self._versions) > PLANNED:
+            self._versions.popitem(last=False)
+        return found
+
     def adopt(self, scene: Scene, outputs: Sequence[Wanted], size: tuple[int, int], prepared: Prepared) -> None:
         """Cache a scene that was prepared elsewhere."""
+        if self._resources.live_lights:
+            self._lights.fit(scene, scene.planned_without("lights"))
         self._add((scene.planned, tuple(passes_for(outputs)), size, False), prepared)
 
     def clear(self) -> None:
         """Forget all scenes."""
         self._ready.clear()
         self._plans.clear()
+        self._versions.clear()
+        self._lights = LightMemory()
         self._last = None
 
     def _add(self, key: tuple[Any, ...], prepared: Prepared) -> None:
@@ -59,16 +80,16 @@ class PreparedScenes:
         while len(self._ready) > max(PLANNED, self._resources.kept // 4):
             self._ready.popitem(last=False)
 
-    def _planned(self, scene: Scene, passes: Sequence[str], size: tuple[int, int]) -> Plan:
+    def _planned(self, scene: Scene, passes: Sequence[str], size: tuple[int, int], live: LiveLights | None) -> Plan:
         """The plan of a scene. Those of qualities that differ in marching alone share their functions."""
         plain = scene.replace(quality=marching.unmarched(scene.quality))
-        key = (plain.planned, tuple(passes), size)
+        key = (plain.planned, tuple(passes), size, live)
         if key in self._plans:
             self._plans.move_to_end(key)
             return marched_otherwise(self._plans[key], scene.quality, size)
         device = self._resources.context.driver.device_class
         refuse = partial(self._refuse_slow, scene)
-        found = self._plans[key] = plan(scene, passes, size, refuse=refuse, device=device)
+        found = self._plans[key] = plan(scene, passes, size, refuse=refuse, device=device, live=live)
         while len(self._plans) > PLANNED:
             self._plans.popitem(last=False)
         return found

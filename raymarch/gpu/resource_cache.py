@@ -86,12 +86,15 @@ class ResourceCache:
 
     compiled : number of programs that the driver has compiled so far.
     kept : maximum number of cached programs.
+    live_lights : whether lights that come and go become rows, so that no program is compiled for them. False where each
+        scene must be drawn as in a new renderer, such as to compare costs.
     """
 
     def __init__(self, context: Context) -> None:
         self.context = context
         self.compiled = 0
         self.kept = KEPT
+        self.live_lights = True
         self._programs: OrderedDict[tuple[str, str], Program] = OrderedDict()
         self._drawn: set[Program] = set()
         self._targets: dict[str, Target | PingPong] = {}

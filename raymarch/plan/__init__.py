@@ -2,7 +2,7 @@
 
 from raymarch.plan import explain, lights, marching
 from raymarch.plan.passes import OUTPUTS, Pass
-from raymarch.plan.plan import Plan, marched_otherwise, plan
+from raymarch.plan.plan import Plan, marched_otherwise, plan, relit
 from raymarch.plan.shading import Feature
 
-__all__ = ["OUTPUTS", "Feature", "Pass", "Plan", "explain", "lights", "marched_otherwise", "marching", "plan"]
+__all__ = ["OUTPUTS", "Feature", "Pass", "Plan", "explain", "lights", "marched_otherwise", "marching", "plan", "relit"]

@@ -145,7 +145,7 @@ def _table(of: _Lights) -> LightTable:
         ]
         if head:
             fixed[i, :2] = numbers[form], ordered.index(shadow) + 1 if shadow else 0
-            radius = getattr(light, "shadow_radius", None)
+            radius = _of_some(light, "shadow_radius", None)
             given += [(2, light.disc_width), *([] if radius is None else [(3, radius)])]
         reached = () if light.reach is None else zip((0, 3), light.reach, strict=True)
         for numbers_of, changing, pairs in ((fixed, varied, given), (balls, moving, reached)):
@@ -160,8 +160,9 @@ def _table(of: _Lights) -> LightTable:
 
 
 def _forms(lights: Sequence[Light]) -> dict[Key, LightForm]:
+    """The forms of some lights, in an order that does not depend on that of the lights."""
     found: dict[Key, LightForm] = {}
-    for light in lights:
+    for light in sorted(lights, key=lambda light: _spelled(key(light))):
         of = key(light)
         if of not in found:
             kind, names, _ = of
@@ -188,8 +189,31 @@ def key(light: Light) -> Key:
     """What identifies the form of a light: the class of its samples, the names of its values, and whether it is
     visible."""
     methods = {"sample_direction", "eval_direction", "pdf_direction", "eval_ray"}
-    kind = next(cls for cls in type(light).__mro__ if methods & set(vars(cls)))
-    return kind, tuple(light.emitter_values()), getattr(light, "visible", False)
+    kind = next(cls for cls in type(light).__mro__ if not methods.isdisjoint(vars(cls)))
+    return kind, tuple(light.emitter_values()), _of_some(light, "visible", False)
+
+
+def _spelled(of: Key) -> tuple[str, str, tuple[str, ...], bool]:
+    """A key as names, by which keys are sorted."""
+    kind, names, shown = of
+    return kind.__module__, kind.__qualname__, names, shown
+
+
+def _of_some(light: Light, name: str, other: Any) -> Any:
+    """A value that only some classes of lights have, else another one. A light that lacks it looks for similar names,
+    which takes long."""
+    return getattr(light, name) if hasattr(type(light), name) else other
+
+
+Signature: TypeAlias = tuple[Key, str | None, bool, bool, bool]
+"""What the text of a loop over rows depends on, of each light; see `signature`."""
+
+
+def signature(light: Light) -> Signature:
+    """What the text of a loop over rows depends on: the form, the kind of shadow, and whether the light is soft, is cut
+    by a horizon, and has a shadow radius."""
+    radius = _of_some(light, "shadow_radius", None) is not None
+    return key(light), shadow_of(light), light.soft, light.cut_by_horizon, radius
 
 
 def visible(scene: Scene) -> list[Light]:
@@ -261,14 +285,15 @@ def layout(types: Sequence[Type]) -> list[tuple[int, str]]:
     return [found[i] for i in range(len(types))]
 
 
-def rows(scene: Scene, values: Values) -> NDArray[np.float32]:
+def rows(scene: Scene, values: Values, count: int | None = None) -> NDArray[np.float32]:
     """The lights of one frame as float32, shape (lights, texels, 4).
 
+    count : number of lights, from the first; None for all.
     The head holds the number of the form, that of the kind of shadow or 0, the softness, and the shadow radius or 0 for
     none. The other texels hold the values of the form; see `layout`.
     """
     found = table(scene)
-    made = _evaluated(found.fixed, found.varied, found.rows_now, values)
+    made = _evaluated(found.fixed, found.varied, found.rows_now, values)[:count]
     return made.astype(np.float32).reshape(len(made), -1, 4)
 
 
@@ -277,11 +302,11 @@ def in_cells(scene: Scene) -> bool:
     return as_data(scene) and table(scene).limited > AS_TEXT
 
 
-def balls(scene: Scene, values: Values) -> NDArray[np.float64]:
+def balls(scene: Scene, values: Values, count: int | None = None) -> NDArray[np.float64]:
     """What the lights of one frame reach: centres and radii, shape (lights, 4). A light without a range has an infinite
-    radius."""
+    radius. count : as for `rows`."""
     found = table(scene)
-    return _evaluated(found.balls, found.moving, found.balls_now, values)
+    return _evaluated(found.balls, found.moving, found.balls_now, values)[:count]
 
 
 def _evaluated(

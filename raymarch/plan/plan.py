@@ -22,7 +22,8 @@ from raymarch.expr.types import Type
 from raymarch.expr.walk import find, free_variables
 from raymarch.plan import lights, marching, shading
 from raymarch.plan.device import DeviceClass, device_class
-from raymarch.plan.objects import misread, reads_field
+from raymarch.plan.live_lights import LiveLights
+from raymarch.plan.objects import exact_distance, misread, reads_field
 from raymarch.plan.passes import joining, with_cones
 from raymarch.plan.shading import Feature
 from raymarch.plan.stages import (
@@ -38,6 +39,7 @@ from raymarch.plan.stages import (
     kept_surface,
     marching_of,
     objects_of,
+    relative,
     surfaces_of,
 )
 from raymarch.plan.unused import unused
@@ -61,6 +63,7 @@ def plan(
     standalone: bool = False,
     refuse: Refuse | None = None,
     device: DeviceClass | None = None,
+    live: LiveLights | None = None,
 ) -> Plan:
     """Plan a scene. Raises PlanError for clashing parameters or a field that is too large.
 
@@ -73,9 +76,10 @@ def plan(
         that is too much to plan the rest.
     device : the class of devices that draw it. By default, or if the environment names one, see `device_class`;
         standalone plans are for hardware.
+    live : how lights are drawn that come and go; see `LightMemory.fit`.
     """
     check_scene("plan", scene)
-    asked = ask(scene, passes, standalone, device or device_class(is_software=not standalone))
+    asked = ask(scene, passes, standalone, device or device_class(is_software=not standalone), live)
     objects = objects_of(asked, all_fixed=lowering is not None)
     fields, lowering = fields_of(asked, objects, lowering, refuse)
     surfaces = surfaces_of(asked, fields, lowering)
@@ -168,12 +172,13 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
     @cached_property
     def lights_as_data(self) -> bool:
         """True if the lights are rows of a texture rather than code."""
-        return self.material is not None and lights.as_data(self.scene)
+        return self.material is not None and (self.live is not None or lights.as_data(self.scene))
 
     @cached_property
     def lights_in_cells(self) -> bool:
         """True if a grid of cells finds the lights that reach a surface."""
-        return self.lights_as_data and not self.standalone and lights.in_cells(self.scene)
+        found = lights.in_cells(self.scene) if self.live is None else self.live.cells
+        return self.lights_as_data and not self.standalone and found
 
     @cached_property
     def lights_split(self) -> bool:
@@ -303,9 +308,29 @@ def marched_otherwise(made: Plan, quality: Quality, size: tuple[int, int] | None
     return replace(found, marching=march, passes=with_cones(made.passes, march.cones))
 
 
+def relit(made: Plan, scene: Scene, live: LiveLights | None) -> Plan | None:
+    """The plan of a scene that differs from that of another plan in its lights alone, if the shader stays the same.
+
+    It equals a new plan. None if the shader is another one.
+
+    live : how the lights are drawn; see `LightMemory.fit`.
+    """
+    view, origin, seen = relative(scene, live)
+    found = replace(made, given=scene, view=view, scene=seen, live=live)
+    covered = [frozenset(map(lights.signature, each.scene.lights)) for each in (made, found)]
+    same = (
+        made.lights_as_data
+        and covered[0] == covered[1]
+        and (made.lights_in_cells, made.origin.tobytes()) == (found.lights_in_cells, origin.tobytes())
+        and lights.split(made.scene) == lights.split(found.scene)
+        and exact_distance(made.scene) == exact_distance(found.scene)
+    )
+    return found if same and found.lights_as_data else None
+
+
 def _features(made: Plan) -> list[Feature]:
     scene = made.scene
-    found = shading.features(scene)
+    found = shading.features(scene, made.lights_as_data)
 
     def feature(name: str, used: bool, yes: str, no: str) -> None:
         found.append(Feature(name, used, yes if used else no))

@@ -104,9 +104,9 @@ def choices(scene: Scene, model: str, joint: bool) -> dict[str, str]:
     return found
 
 
-def features(scene: Scene) -> list[Feature]:
-    """The features of lights, shadows, materials, sky and fog, used or not."""
-    return [*_of_lights(scene), *_of_materials(scene), *_of_surroundings(scene)]
+def features(scene: Scene, as_data: bool) -> list[Feature]:
+    """The features of lights, shadows, materials, sky and fog, used or not. as_data : whether lights are rows."""
+    return [*_of_lights(scene, as_data), *_of_materials(scene), *_of_surroundings(scene)]
 
 
 def feature(name: str, used: bool, yes: str, no: str, where: Location | None = None) -> Feature:
@@ -114,7 +114,7 @@ def feature(name: str, used: bool, yes: str, no: str, where: Location | None = N
     return Feature(name, used, yes if used else no, where if used else None)
 
 
-def _of_lights(scene: Scene) -> Iterator[Feature]:
+def _of_lights(scene: Scene, as_data: bool) -> Iterator[Feature]:
     every = scene.lights
 
     def of(name: str, some: Sequence[Light], no: str, yes: str = "{} in the scene") -> Feature:
@@ -125,8 +125,8 @@ def _of_lights(scene: Scene) -> Iterator[Feature]:
     for kind in dict.fromkeys(kinds):
         yield of(kind.LABEL, [light for light in every if type(light) is kind], f"no {kind.__name__} in the scene")
     few = f"up to {lights.AS_TEXT} lights are written as code"
-    found_by = ", by cells that list those in range" if lights.as_data(scene) and lights.in_cells(scene) else ""
-    yield feature("lights as data", lights.as_data(scene), f"{len(every)} lights in one loop{found_by}", few)
+    found_by = ", by cells that list those in range" if as_data and lights.in_cells(scene) else ""
+    yield feature("lights as data", as_data, f"{len(every)} lights in one loop{found_by}", few)
     yield of("hard shadows", [x for x in every if x.shadow and not x.soft], "no light has shadow=True", casts)
     yield of("soft shadows", [x for x in every if x.soft], "no light that casts a shadow has a softness", casts)
     yield of("visible lights", lights.visible(scene), "no light has visible=True")

@@ -27,6 +27,7 @@ from raymarch.plan.bounding import LEAST, BoundedUnions
 from raymarch.plan.device import DeviceClass
 from raymarch.plan.gather import Gathered, Gatherer
 from raymarch.plan.hoisting import Hoisting
+from raymarch.plan.live_lights import LiveLights
 from raymarch.plan.marching import Marching
 from raymarch.plan.materials import Materials, materials_of
 from raymarch.plan.motion import changes, motion_of
@@ -67,6 +68,7 @@ class Asked:
     standalone : True for a shader that computes the values of a frame itself and marches no cones.
     pictures : the passes that are asked for, without cones, and before light is split.
     device : the class of devices that draw it.
+    live : how the lights are drawn if they come and go. `scene` then has the lights of `given` and those kept.
     """
 
     given: Scene
@@ -76,6 +78,7 @@ class Asked:
     standalone: bool
     pictures: Sequence[Pass]
     device: DeviceClass
+    live: LiveLights | None = None
 
     @property
     def shaded(self) -> bool:
@@ -88,17 +91,35 @@ class Asked:
         return any(p.surfaces for p in self.pictures)
 
 
-def ask(scene: Scene, passes: Sequence[str], standalone: bool, device: DeviceClass) -> Asked:
+def ask(
+    scene: Scene, passes: Sequence[str], standalone: bool, device: DeviceClass, live: LiveLights | None = None
+) -> Asked:
     """The scene relative to its origin, and the passes that draw it. PlanError if they cannot be combined."""
-    view = default_view(scene)
-    origin = origin_of(view)
-    seen = lights.with_discs(seen_from(scene, origin))
+    view, origin, seen = relative(scene, live)
     mixed = _refuse_mixed(seen, standalone)
     post = () if standalone else seen.post
     pictures = picture_passes(passes, seen.quality, changes(seen), mixed, post)
     return Asked(
-        given=scene, view=view, origin=origin, scene=seen, standalone=standalone, pictures=pictures, device=device
+        given=scene,
+        view=view,
+        origin=origin,
+        scene=seen,
+        standalone=standalone,
+        pictures=pictures,
+        device=device,
+        live=live,
     )
+
+
+def relative(scene: Scene, live: LiveLights | None) -> tuple[DefaultView, NDArray[np.float64], Scene]:
+    """The default view of a scene, the origin of the shader, and the scene relative to it, with all lights that its
+    text draws."""
+    view = default_view(scene)
+    origin = origin_of(view)
+    seen = seen_from(scene, origin)
+    if live is not None and live.kept:
+        seen = seen.replace(lights=(*seen.lights, *live.kept))
+    return view, origin, lights.with_discs(seen)
 
 
 def _refuse_mixed(scene: Scene, standalone: bool) -> bool:

@@ -175,8 +175,12 @@ class Scene(Value):
     @property
     def planned(self) -> tuple[Any, ...]:
         """The key of a plan: all fields except those marked `planned=False`, and the user's line for messages."""
-        parts = [getattr(self, part.name) for part in fields(self) if part.metadata.get("planned", True)]
-        return (*parts, self.where)
+        return (*self.planned_without(), self.where)
+
+    def planned_without(self, *left_out: str) -> tuple[Any, ...]:
+        """The fields that a plan depends on, except some: the same for all versions of a scene that differ in these."""
+        read = [part.name for part in fields(self) if part.metadata.get("planned", True)]
+        return tuple(getattr(self, name) for name in read if name not in left_out)
 
     @property
     def materials(self) -> tuple[Material, ...]:

@@ -30,6 +30,10 @@ from raymarch.shader.bsdf import Reflection
 from raymarch.shader.chunk import Chunk, Lines, Mapped, Values
 from raymarch.shader.kinds import shadow_function
 
+MOST = 1 << 16
+"""More than the rows of any texture. A loop that ends by itself has this end, which takes less time than one that is
+read."""
+
 
 def all_lights(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> None:
     """Add the light of all sources to the colour of a surface."""
@@ -45,7 +49,7 @@ def all_lights(text: Lines, plan: Plan, values: Values, reflection: Reflection) 
     values.functions += (
         [above_horizon, part_above_horizon] if any(light.cut_by_horizon for light in plan.scene.lights) else []
     )
-    if lights.as_data(plan.scene):
+    if plan.lights_as_data:
         _loop(text, plan, reflection)
         return
     for i, light in enumerate(plan.scene.lights):
@@ -77,6 +81,7 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan, reflec
         f"{i * scene.quality.light_samples}",
         *split,
         name=f"_{i}",
+        count=len(scene.lights),
     )
     lines = _Estimator(plan, reflection, group).lines()
     if plan.lights_split and lights.samples_of(scene, light) == 1:
@@ -97,6 +102,7 @@ class _Group:
     disc. cut : the condition of lights that a horizon may cut; None for none. dimension : the first random dimension.
     number : of samples of all lights before. place : of the first sample, among those that passes split; the text adds
     those from `begin` to `end`. skip : lines that leave out a light without radiance. name : the end of variables.
+    count : number of all lights; None if the text reads it, as `light_count`.
     """
 
     forms: Sequence[tuple[str, lights.LightForm, list[str], Sequence[Light]]]
@@ -111,6 +117,11 @@ class _Group:
     end: str = ""
     skip: Sequence[str] = ()
     name: str = ""
+    count: int | None = None
+
+    def times(self, factor: int) -> str:
+        """A multiple of the number of all lights."""
+        return f"{factor} * light_count" if self.count is None else str(factor * self.count)
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,7 +195,7 @@ class _Estimator:
     def _dimension(self, of: Light) -> str:
         """The first random dimension of sample k of a light."""
         k = "(k / 2)" if samples_both(of, self.plan.scene.materials) else "k"
-        return f"{self.group.dimension} + {2 * len(self.plan.scene.lights)} * {k}"
+        return f"{self.group.dimension} + {self.group.times(2)} * {k}"
 
     def _several(
         self, condition: str, sample: str, shown: str, of: Light, texts: Callable[[], tuple[str, str]]
@@ -198,7 +209,7 @@ class _Estimator:
             lines.append(f"    if ({group.place} + k < {group.begin}) continue;")
         lines.append(f"    light = {sample};")
         if samples_both(of, scene.materials):
-            before = 2 * len(scene.lights) * samples
+            before = group.times(2 * samples)
             weighted = _weighted(texts(), f"{group.number} + k / 2", before, self.reflection)
             lines += [f"    {line}" for line in weighted]
         lines += [f"    color += {self.reflection.light(shown)} / {literal(samples)};", "}"]
@@ -238,8 +249,8 @@ def visible_light(text: Lines, plan: Plan, values: Values) -> None:
         "    slack = 0.0;",
         "}",
     ]
-    if lights.as_data(scene):
-        text.add(f"    for (int i = 0; i < {len(scene.lights)}; i++) {{")
+    if plan.lights_as_data:
+        text.add(f"    {_count(plan)}", "    for (int i = 0; i < light_count; i++) {")
         if table.headed:
             text.add(f"        vec4 head = {_texel(plan, 0)};")
         for k, form in enumerate(table.forms.values()):
@@ -250,7 +261,7 @@ def visible_light(text: Lines, plan: Plan, values: Values) -> None:
                 text.add(f"            met = {_on_ray(form, given)};", *(f"            {line}" for line in keep))
                 text.add("        }")
         text.add("    }")
-    for i, light in enumerate([] if lights.as_data(scene) else scene.lights):
+    for i, light in enumerate([] if plan.lights_as_data else scene.lights):
         form = table.forms[lights.key(light)]
         if form.ray is not None:
             values.functions += [form.ray] * (form.ray not in values.functions)
@@ -291,19 +302,20 @@ def _disc(centre: str, width: str) -> tuple[str, str]:
     return f"eval_disc({centre}, {width}, direction)", f"pdf_disc({centre}, {width}, light.direction)"
 
 
-def _weighted(texts: tuple[str, str], number: str, before: int, reflection: Reflection) -> list[str]:
+def _weighted(texts: tuple[str, str], number: str, before: str, reflection: Reflection) -> list[str]:
     """The lines that replace each second sample of a light by one of the lobes, and weigh both.
 
     See `power_heuristic`.
 
     texts : of `_met` or `_disc`. number : of the sample among those of all lights. before : number of random dimensions
-        of the points of lights.
+        of the points of lights, as GLSL text.
     """
     met, pdf = texts
+    first = str(_dimension(0) + int(before)) if before.isdigit() else f"{_dimension(0)} + {before}"
     return [
         "bool lobe = k % 2 == 1;",
         "if (lobe) {",
-        f"    int dimension = {_dimension(0) + before} + 4 * ({number});",
+        f"    int dimension = {first} + 4 * ({number});",
         f"    vec3 direction = {reflection.sample_lobes()};",
         f"    light = {met};",
         "}",
@@ -331,7 +343,6 @@ def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
     """The loop over all lights, which reads their values from the rows of a texture."""
     scene, table = plan.scene, lights.table(plan.scene)
     ending = plan.lights_split or plan.lights_in_cells
-    text.add(*(f"    {line}" for line in _turns(plan)), where=scene.where)
     lines = []
     if table.headed:
         lines.append(f"vec4 head = {_texel(plan, 0)};  // form, kind of shadow, softness, shadow radius")
@@ -340,16 +351,25 @@ def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
     lines += ["Light light;", *_Estimator(plan, reflection, _rows(plan, ending)).lines()]
     if ending:
         lines.append("if (ends) break;")
+    turns = _turns(plan)
+    count = [_count(plan)] if any("light_count" in line for line in (*turns, *lines)) else []
+    text.add(*(f"    {line}" for line in (*count, *turns)), where=scene.where)
     text.add(*(f"        {line}" for line in lines), "    }", where=scene.where)
+
+
+def _count(plan: Plan) -> str:
+    """The line that reads the number of lights. It is no part of the text, so that lights come and go without another
+    program."""
+    return f"int light_count = {len(plan.scene.lights) if plan.standalone else 'textureSize(u_lights, 0).y'};"
 
 
 def _turns(plan: Plan) -> list[str]:
     """The lines that begin the loop over the lights i, and say when it ends: after all, those that are near the
     surface, or those of which a pass adds samples."""
-    scene, split, places, cells = plan.scene, plan.lights_split, lights.stride(plan.scene), plan.lights_in_cells
+    split, places, cells = plan.lights_split, lights.stride(plan.scene), plan.lights_in_cells
     if not (split or cells):
-        return [f"for (int i = 0; i < {len(scene.lights)}; i++) {{"]
-    most, several = "reached.y" if cells else str(len(scene.lights)), split and places > 1
+        return ["for (int i = 0; i < light_count; i++) {"]
+    most, several = "reached.y" if cells else "light_count", split and places > 1
     number = f"begin / {places} + n" if several else "begin + n" if split else "n"
     at, end = f"({number}) * {places}" if several else number, "last" if split else most
     lines = ["ivec2 reached = lights_at(surface.p);  // start and length of a list"] if cells else []
@@ -361,7 +381,7 @@ def _turns(plan: Plan) -> list[str]:
         ]
     # llvmpipe leaves a loop at the end of a turn only, so the last turn must say that it is the last
     return [
-        *(*lines, f"for (int n = 0; n < {len(scene.lights)}; n++) {{"),
+        *(*lines, f"for (int n = 0; n < {MOST}; n++) {{"),
         *(f"    if ({at} >= {end}) break;", f"    bool ends = {at} + {places if split else 1} >= {end};"),
         *([f"    int place = ({number}) * {places};  // its first sample"] if several else []),
         f"    int i = {f'light_of(reached.x + {number})' if cells else number};",

@@ -15,6 +15,7 @@ from typing import Any
 from raymarch.errors import RaymarchError
 from raymarch.gpu.prepare import Prepared, prepare
 from raymarch.plan.device import SOFTWARE, DeviceClass
+from raymarch.plan.live_lights import LightMemory
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
 from raymarch.scene.studio import staged
@@ -59,6 +60,7 @@ class Reloader:
         self.busy_since: float | None = None
         self._wake, self._params = wake, params
         self._constants, self._clicks = constants, clicks
+        self._lights = LightMemory()
         self._silent = False
         self._changed, self._stopping, self._interrupted = threading.Event(), threading.Event(), threading.Event()
         self._trials = Trials()
@@ -77,6 +79,7 @@ class Reloader:
         then reported as a change is.
         """
         self._first, self._compile = {"packed": packed(scene), "read": list(read)}, compile
+        self._lights.fit(progressive(scene), str(self.file))
         self._watch.start()
         self._thread.start()
 
@@ -138,7 +141,10 @@ class Reloader:
             self._tell(Started(self.file))
         file = self.file
         known = {"constants": self._constants.as_json(), "clicks": self._clicks.as_json()}
-        known |= {"device": self.device.name} | (self._first if first else {})
+        lights = None if first else packed(self._lights)
+        if lights is None and not first:
+            self._lights = LightMemory()  # as the trial has it
+        known |= {"device": self.device.name, "lights": lights} | (self._first if first else {})
         answer = self._trials.run(str(file), self._params(), self.size, known, self._over)
         if answer is None or self._stopping.is_set():
             return  # a newer change
@@ -164,7 +170,8 @@ class Reloader:
     def _load_here(self, file: Path, answer: Answer) -> None:
         took = sum(answer["ms"].values()) * 1e-3
         found = _guarded(
-            lambda: _load(file, self.size, answer["packed"], self.device), max(HERE_AT_LEAST, HERE_FACTOR * took)
+            lambda: _load(file, self.size, answer["packed"], self.device, self._lights),
+            max(HERE_AT_LEAST, HERE_FACTOR * took),
         )
         if isinstance(found, RaymarchError):
             self._tell(Failed(Fault.of(found)))
@@ -180,16 +187,17 @@ class Reloader:
 
 
 def _load(
-    file: Path, size: tuple[int, int], sent: str | None, device: DeviceClass
+    file: Path, size: tuple[int, int], sent: str | None, device: DeviceClass, lights: LightMemory
 ) -> tuple[Scene, Prepared, dict[str, float]]:
     """The scene that a trial sent; it is loaded here if it could not be sent."""
     start = time.perf_counter()
-    scene = unpacked(sent)
+    scene = unpacked(sent, Scene)
     if scene is None:
         with contextlib.redirect_stdout(io.StringIO()):  # the trial has printed it already
             scene = staged(load(file))
     middle = time.perf_counter()
-    prepared = prepare(progressive(scene), size=size, device=device)
+    drawn = progressive(scene)
+    prepared = prepare(drawn, size=size, device=device, live=lights.fit(drawn, str(file)))
     return scene, prepared, {"import": 1e3 * (middle - start), "plan": 1e3 * (time.perf_counter() - middle)}
 
 

@@ -31,6 +31,7 @@ from raymarch.gpu.prepare import Prepared, prepare
 from raymarch.gpu.program import Program
 from raymarch.gpu.renderer import Renderer
 from raymarch.plan.device import SOFTWARE, of_name
+from raymarch.plan.live_lights import LightMemory
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
 from raymarch.scene.studio import staged
@@ -126,11 +127,13 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
         read.update(dict.fromkeys(request.get("read", ())))
         try:
             with _limited_memory(), _timed(times, "import"):
-                base = unpacked(request.get("packed")) or staged(load(scene))
+                base = unpacked(request.get("packed"), Scene) or staged(load(scene))
             found, sent = progressive(base), None if request.get("packed") else packed(base)
             size, device = tuple(request["size"]), of_name(request.get("device", SOFTWARE.name))
             with _timed(times, "plan"):
-                ready, fresh = Constants(request["constants"]).fit(prepare(found, size=size, device=device))
+                live = (unpacked(request.get("lights"), LightMemory) or LightMemory()).fit(found, scene)
+                made = prepare(found, size=size, device=device, live=live)
+                ready, fresh = Constants(request["constants"]).fit(made)
             if fresh:
                 with _timed(times, "compile"):
                     baked = _compiled(found, ready, size, request["params"])
@@ -166,7 +169,8 @@ def _compiled(scene: Scene, ready: Prepared, size: tuple[int, int], params: dict
     except ShaderError:
         if not any(ready.constants.values()):
             raise
-        _warm(scene, prepare(scene, size=size, device=ready.plan.device), size, params)
+        baked = prepare(scene, size=size, device=ready.plan.device, live=ready.plan.live)
+        _warm(scene, baked, size, params)
         return True
     return False
 

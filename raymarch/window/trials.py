@@ -61,8 +61,9 @@ class Trials:
     ) -> Answer | None:
         """Try a scene file; see `raymarch.window.trial.examine` for the answer.
 
-        known : "constants" and "clicks", the window's programs; see `raymarch.window.constants.Constants`. Of a
-            scene that is loaded, "packed" and "read": then the file does not run.
+        known : "constants" and "clicks", the window's programs; see `raymarch.window.constants.Constants`. "lights",
+            the packed `LightMemory` of the scene. Of a scene that is loaded, "packed" and "read": then the file does
+            not run.
         over : polled; returns the reason to end the trial early, or None. "changed" gives no answer (None),
             any other reason is the error, with the line where the file was.
         """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -131,7 +132,9 @@ def test_times_are_differences_of_the_same_turn(monkeypatch):
     monkeypatch.setattr(effects, "_figures", lambda *_: {
         "color": np.zeros((4, 4, 3)), "evaluations": 0.0, "texture_bytes": 0, "shader_bytes": 0
     })  # fmt: skip
-    found = effects.ablate(rich(), type("R", (), {"kept": 1})(), repeats=6)
+    stub = SimpleNamespace(kept=1, resources=SimpleNamespace(live_lights=True))
+    found = effects.ablate(rich(), stub, repeats=6)
+    assert not stub.resources.live_lights  # each variant is drawn as in a new renderer
     assert [e.name for e in found[:3]] in (
         ["shadow of lights", "light 1, Sun", "fog"],
         ["light 1, Sun", "shadow of lights", "fog"],

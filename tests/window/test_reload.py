@@ -248,3 +248,14 @@ def test_files_of_a_cache_are_not_watched(monkeypatch: pytest.MonkeyPatch, tmp_p
         assert all(cache.load(file) is not None for file in files)
     assert {str(file) for file in files} <= set(read)
     assert [file for file in map(str, files) if may_belong(file)] == [str(mine)]
+
+
+def test_lights_come_and_go_without_another_program(live: Live) -> None:
+    lamp = "rm.PointLight(({}, 3, 2), intensity=3, shadow=True)"
+    loaded = []
+    for numbers in (range(2), range(3), range(1, 5), range(2, 4), [5]):
+        lights = ", ".join(map(lamp.format, numbers))
+        live.save(f"import raymarch as rm\n\nscene = rm.Scene(rm.sphere(), lights=[{lights}])\n")
+        loaded.append(live.wait(Loaded))
+    assert ["trial compile" in each.ms for each in loaded] == [True] + 4 * [False]
+    assert len({each.prepared.texts["color"] for each in loaded}) == 1
