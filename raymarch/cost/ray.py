@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,9 +13,12 @@ from raymarch.cost.plots import blank
 from raymarch.errors import CostError, SceneError
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import short
-from raymarch.gpu.prepare import prepare
+from raymarch.gpu.draw_calls import CENTRE
+from raymarch.gpu.prepare import Prepared, assembled
 from raymarch.gpu.renderer import Renderer
-from raymarch.scene.parameter import ParamValue, set_values
+from raymarch.plan import plan
+from raymarch.scene.camera import Pose
+from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.quality import SINGLE_PASS
 from raymarch.scene.scene import Scene, as_scene
 from raymarch.sdf.node import Node
@@ -70,53 +73,6 @@ class RaySamples:
         return f"<RaySamples: {self.tracer}, {self.evaluations} evaluations, {end}>"
 
 
-NOTES = """int ray_count_ = 0;
-vec4 ray_note_ = vec4(-1.0);
-float ray_behind_ = 0.0;
-
-void ray_note(float t, float r, float behind, float kind) {
-    if (ray_count_++ == int(gl_FragCoord.x) + int(gl_FragCoord.y) * %d) {
-        ray_note_ = vec4(t, r, kind, 0.0);
-        ray_behind_ = behind;
-    }
-}
-
-void ray_note_kind(float kind) {
-    if (ray_count_ - 1 == int(gl_FragCoord.x) + int(gl_FragCoord.y) * %d) ray_note_.z = kind;
-}
-"""
-
-REPORT = """    out_march = ray_note_;
-    out_surface = vec4(ray_behind_, hit.found ? hit.t : -1.0, float(ray_count_), 0.0);
-"""
-
-
-def noting_text(text: str, size: tuple[int, int], pixel: tuple[int, int]) -> str:
-    """A shader of the geometry pass in which all pixels trace the ray of one, and each writes another sample of it."""
-    width, height = size
-    ray = f"camera_ray(vec2({pixel[0]}.5, {height - 1 - pixel[1]}.5))"
-    lines: list[str] = []
-    for line in text.split("\n"):
-        body = line.strip()
-        if body.startswith("void march(Ray ray"):
-            lines += [NOTES % (width, width), line, "    ray_note(at.t, at.r, at.r, 3.0);"]
-        elif body == "float next = march_distance(ray, t);":
-            lines += [line, f"        ray_note(t, next, {_behind(text, 'next')}, at.refining ? 1.0 : 0.0);"]
-        elif body == "at.r = march_distance(ray, t);":
-            lines += [line, f"        ray_note(t, at.r, {_behind(text, 'at.r')}, 0.0);"]
-        elif body == "bool passed = at.refining && !near;":
-            lines += [line, "        if (!empty || passed) ray_note_kind(2.0); else if (near) ray_note_kind(1.0);"]
-        else:
-            lines.append(line.replace("camera_ray(gl_FragCoord.xy)", ray))
-    end = len(lines) - 1 - lines[::-1].index("}")
-    return "\n".join([*lines[:end], REPORT, *lines[end:]])
-
-
-def _behind(text: str, value: str) -> str:
-    """The value of the field at a sample: an advance may be longer."""
-    return f"{value} < 0.0 ? {value} : way_behind" if "float way_behind;" in text else value
-
-
 @checked
 def ray_samples(
     scene: Scene | Node,
@@ -152,33 +108,38 @@ def ray_samples(
     column, row = _pixel(pixel, size)
     quality = scene.quality if tracer is None else scene.quality.replace(tracer=tracer, omega=None)
     quality = quality.replace(**SINGLE_PASS, samples=1, rays="computed")
-    made = scene.replace(quality=quality)
     with Renderer(size, backend) as renderer:
-        ready = prepare(made, ("depth",), size)
-        texts = {name: noting_text(text, size, (column, row)) for name, text in ready.texts.items()}
-        renderer.adopt(made, replace(ready, texts=texts), ("depth",))
-        frame = renderer.render(made, time, params, ("depth", "residual", "iterations", "normal"))
-        noted = [frame.array(name)[::-1].reshape(size[0] * size[1], -1) for name in ("depth", "residual", "iterations")]
-        behind, hit, count = frame.array("normal")[::-1].reshape(-1, 3)[:, :3].T
-        pose = frame.pose
-    assert pose is not None
-    taken = int(count[0])
+        made = plan(scene.replace(quality=quality), ("ray",), size, device=renderer.context.driver.device_class)
+        pose, samples, end = _drawn(renderer, assembled(made), (column, row), set_values(made.parameters, params, time))
+    hit, taken = float(end[0, 0]), int(end[0, 1])
     if taken > size[0] * size[1]:
         raise CostError(f"the ray takes {taken} samples", legal=f"up to one for each of the {size[0]}x{size[1]} pixels")
-    t, ahead, kind = (values[:taken, 0] for values in noted)
+    t, ahead, behind, kind = samples[:taken].T
     origins, directions = pose.rays(np.array(column), np.array(row), size)
     first = 1 if taken and kind[0] == KINDS.index("start") and ahead[0] == 0.0 else 0  # where nothing was evaluated
     return RaySamples(
         t[first:].astype(np.float64),
-        behind[first:taken].astype(np.float64),
+        behind[first:].astype(np.float64),
         ahead[first:].astype(np.float64),
         np.asarray(kind[first:], np.int64),
-        float(hit[0]) if hit[0] >= 0.0 else np.inf,
+        hit if hit >= 0.0 else np.inf,
         np.array(origins, np.float64).reshape(3),
         np.array(directions, np.float64).reshape(3),
-        ready.plan.marching.tracer,
-        len(ready.plan.analytic.solved) if ready.plan.analytic.used else 0,
+        made.marching.tracer,
+        len(made.analytic.solved) if made.analytic.used else 0,
     )
+
+
+def _drawn(renderer: Renderer, ready: Prepared, pixel: tuple[int, int], values: Values) -> tuple[Pose, Any, Any]:
+    """The pose of a picture, and what the pass "ray" draws: the samples of a pixel's ray in order, and its end."""
+    (chosen,), size = ready.plan.passes, renderer.size
+    pose = ready.pose(values, size[0] / size[1])
+    own = {**CENTRE, "u_ray_pixel": (pixel[0] + 0.5, size[1] - pixel[1] - 0.5)}
+    target = renderer.resources.target(chosen.name, size, chosen.textures)
+    program, _ = renderer.resources.program(ready, chosen.name)
+    program.draw(target, {**renderer.inputs(ready, values, pose).uniforms, **own})
+    samples, end = (target.read(k)[::-1].reshape(-1, 4) for k in range(chosen.textures))  # the first at the bottom left
+    return pose, samples, end
 
 
 def _pixel(pixel: Any, size: tuple[int, int]) -> tuple[int, int]:

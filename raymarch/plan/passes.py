@@ -68,6 +68,7 @@ class Pass:
     sharp : its rays start at the centre of the lens.
     defines : preprocessor names defined in this pass only. shades : True if it computes the colour of surfaces.
     surfaces : True if it calls `surface_normal` or `material_index`. counts : True if it reads what a ray has cost.
+    notes : True if it keeps samples of a march.
     extension : the OpenGL extension that it requires; "" for none.
     effect : the post effect that it draws. Its shader is separate from that of the scene.
     lights : "before", "each" or "after", for passes that add the light of a sample of the picture a few samples of
@@ -88,6 +89,7 @@ class Pass:
     shades: bool = False
     surfaces: bool = False
     counts: bool = False
+    notes: bool = False
     extension: str = ""
     effect: PostEffect | None = None
     lights: str = ""
@@ -237,6 +239,9 @@ DRAWN: Final = {
         {"cycles": Output(0, 0)},
         shades=True,
         extension="GL_ARB_shader_clock",
+    ),
+    "ray": Pass(
+        "ray", "view/ray", ("u_sample", "u_end_of_ray"), "the samples of a ray were requested", sharp=True, notes=True
     ),
     "samples": Pass("samples", "view/accumulate", ("u_sum",), "a page that adds samples was requested", shades=True),
     "standalone": Pass(

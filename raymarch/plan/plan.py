@@ -108,6 +108,7 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
             "CONES": self.marching.cones,
             "CUTS": marching.cut(self.scene),
             "LIT": self.lights_split,
+            "NOTED": any(p.notes for p in self.passes),
             "RISING": self.scene.quality.rising_steps > self.marching.steps and not self.marching.resumed,
             "SAMPLES": self.scene.quality.samples > 1,
             "SHOWS": bool(lights.visible(self.scene)),

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import raymarch as rm
+from raymarch.gpu.prepare import assembled, prepare
+from raymarch.plan import plan
 
 SIZE = (48, 27)
 SOLID = rm.union(rm.torus(), rm.box(1), k=0.2).rotate(0.6, "x") | rm.plane(offset=-1.3)
@@ -42,6 +44,15 @@ def test_a_figure_tells_what_it_shows() -> None:
     assert "evaluations, none of 1 solid in closed form" in upper.get_title()
     assert lower.get_xlabel() == "distance along the ray"
     figure.canvas.draw()
+
+
+def test_pictures_hold_no_code_that_keeps_samples() -> None:
+    """It is in the shader of this figure alone, which the module of the march declares and no text is edited for."""
+    for outputs in (("color",), ("depth",), ("color", "depth")):
+        shader = prepare(SCENE, outputs, SIZE).shader
+        assert not any(word in shader.text() for word in ("note_sample", "note_kind", "kept_number"))
+    noting = assembled(plan(SCENE, ("ray",), SIZE))
+    assert noting.shader.modules["march/note"] and "note_sample" in noting.texts["ray"], "a pass of its own"
 
 
 @pytest.mark.parametrize("pixel", [(48, 0), (-1, 3), (0.5, 2), 3, (1, 2, 3)])

@@ -296,3 +296,28 @@ def test_a_picture_is_black_where_no_light_is_finite_and_never_below_or_above_it
     known = np.zeros((5, 3))
     known[0] = (0.5, 1.0, 0.0)
     np.testing.assert_allclose(run(egl, text, "shown({0})", [(VEC3, light)], 3), known, rtol=8 * ULP)
+
+
+def test_each_pixel_keeps_another_sample_of_one_ray(egl: Context) -> None:
+    """Kinds are told after a sample; a ray of fewer samples leaves the other pixels empty."""
+    marching = """
+    uniform vec2 u_resolution;
+    struct Ray { vec3 origin; vec3 direction; };
+    struct Hit { bool found; float t; };
+    Ray camera_ray(vec2 pixel) { return Ray(vec3(pixel, 0.0), vec3(0.0)); }
+    """
+    traced = """
+    Hit trace(Ray ray) {
+        note_sample(ray.origin.x, 1.0, 0.5, STARTS);
+        note_sample(ray.origin.y, 2.0, 1.5, SEARCHES);
+        note_kind(IS_UNDONE);
+        note_sample(7.0, 3.0, 2.5, REFINES);
+        return Hit(ray.origin.x < 5.0, 9.0);
+    }
+    """
+    text = modules("march/note", before=marching, after=traced) + modules("view/ray")
+    for x, end in ((4.5, 9.0), (5.5, -1.0)):
+        given = {"u_resolution": (2.0, 2.0), "u_ray_pixel": (x, 8.5)}
+        samples, ends = draw(egl, text, (2, 2), given, 2)
+        assert samples.reshape(-1, 4).tolist() == [[x, 1, 0.5, 3], [8.5, 2, 1.5, 2], [7, 3, 2.5, 1], [-1] * 4]
+        assert np.array_equal(ends, np.full((2, 2, 4), (end, 3.0, 0.0, 0.0), np.float32))

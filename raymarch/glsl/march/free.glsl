@@ -15,6 +15,9 @@ void move(inout March at, bool empty, float t, float r, float derivative) {
 // The march of a ray. `at` and `hit` hold the whole state.
 void march(Ray ray, inout March at, inout Hit hit, float far) {
     vec3 widths = hit_widths(ray);
+#ifdef NOTED
+    note_sample(at.t, at.r, at.r, STARTS);
+#endif
     bool found = false;
     bool escaped = false;
 #ifndef UNCOUNTED
@@ -29,6 +32,9 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #endif
         at.t = t;
         at.r = march_distance(ray, t);
+#ifdef NOTED
+        note_sample(t, at.r, at.r < 0.0 ? at.r : way_behind, SEARCHES);
+#endif
 #ifdef ORTHOGRAPHIC
         found = at.r <= widths.x * t + widths.z;
 #else

@@ -11,6 +11,9 @@
 #endif
 void march(Ray ray, inout March at, inout Hit hit, float far) {
     vec3 widths = hit_widths(ray);
+#ifdef NOTED
+    note_sample(at.t, at.r, at.r, STARTS);
+#endif
     bool found = false;
     bool escaped = false;
 #ifndef UNCOUNTED
@@ -67,6 +70,13 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #endif
         float t = at.t + z;
         float next = march_distance(ray, t);
+#ifdef NOTED
+#ifdef ADVANCE
+        note_sample(t, next, next < 0.0 ? next : way_behind, at.refining ? REFINES : SEARCHES);
+#else
+        note_sample(t, next, next, at.refining ? REFINES : SEARCHES);
+#endif
+#endif
 #ifdef CUTS
         if (doubtful) {
             found = enters(at, t, next, noise);
@@ -96,6 +106,9 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
         bool near = empty && (at.refining ? next < abs(at.r) : next < widths.x + width * t);
 #endif
         bool passed = at.refining && !near;
+#ifdef NOTED
+        if (!empty || passed) note_kind(IS_UNDONE); else if (near) note_kind(REFINES);
+#endif
 #ifndef CUTS
         found = passed && touching;
         if (found) break;
