@@ -238,8 +238,7 @@ def _fract(_node: Expr, x: Span) -> Span:
 
 def _mod(node: Expr, x: Span, y: Span) -> Span:
     x, y = (lifted(v, a.type, node.type) for v, a in zip((x, y), node.args, strict=True))
-    quotient = r.div(x.range, y.range)
-    first, last = np.floor(quotient[0]), np.floor(quotient[1])
+    first, last = r.whole_quotients(x.range, y.range)
     ends = np.minimum(y.low, 0.0), np.maximum(y.high, 0.0)
 
     def less(a: Interval, cell: Array) -> Interval:

@@ -190,13 +190,12 @@ class Operands:
         if not len(jumps):
             return
         count = np.where(np.isnan(results[0][some]) | (results[0][some] <= 0.0), jumps.sum(axis=0), 0)
-        count[part.start == part.end] = 0
         for k in range(1, SIDES + 1):
             rows = np.flatnonzero(count == k)
             if not len(rows):
                 continue
             which = np.argsort(~jumps[:, rows], axis=0, kind="stable")[:k]
-            low, high = np.full(len(rows), np.inf), np.full(len(rows), -np.inf)
+            ends = [np.full(len(rows), end) for end in (np.inf, -np.inf, np.inf, -np.inf)]
             own, centre = part[rows], middle[rows]
             for combination in range(2**k):
                 sides = np.full((len(jumps), len(rows)), -1, np.int8)
@@ -205,11 +204,12 @@ class Operands:
                 with stretches(up(centre - own.start), up(own.end - centre)), jumping(sides):
                     points = rays.points(own.rays, own.start, own.end, centre)
                     found = form.enclose(points, self.row_of[own.operands])
-                low = np.minimum(low, np.where(np.isnan(found.low), -np.inf, found.low))
-                high = np.maximum(high, np.where(np.isnan(found.high), np.inf, found.high))
+                for low, high, value in zip(ends[::2], ends[1::2], (found.range, found.at), strict=True):
+                    np.minimum(low, np.where(np.isnan(value[0]), -np.inf, value[0]), out=low)
+                    np.maximum(high, np.where(np.isnan(value[1]), np.inf, value[1]), out=high)
             at = some[rows]
-            results[0][at] = np.fmax(results[0][at], low)
-            results[1][at] = np.fmin(results[1][at], high)
+            for result, end, inner in zip(results, ends, (np.fmax, np.fmin) * 2, strict=False):
+                result[at] = inner(result[at], end)
 
     def met(self, rays: Rays, start: Array, end: Array) -> Stretch:
         """The parts of all rays, from start to end, in the boxes of the operands."""

@@ -111,6 +111,27 @@ def div(a: Interval, b: Interval) -> Interval:
     return np.where(crosses, -np.inf, low), np.where(crosses, np.inf, high)
 
 
+def whole_quotients(a: Interval, b: Interval) -> tuple[Array, Array]:
+    """The floors of the least and the greatest quotient. Of a divisor that is one number they are exact."""
+    low, high = div(a, b)
+    one = (b[0] == b[1]) & (b[0] != 0.0) & (magnitude((low, high)) < 2.0**52)
+    first, last = np.where(b[0] > 0.0, a[0], a[1]), np.where(b[0] > 0.0, a[1], a[0])
+    return (
+        np.where(one, _whole_quotient(first, b[0]), np.floor(low)),
+        np.where(one, _whole_quotient(last, b[0]), np.floor(high)),
+    )
+
+
+def _whole_quotient(x: Array, y: Array) -> Array:
+    """The floor of x / y. A rounded quotient has the right one unless it was rounded up to an integer: then the
+    remainder, which is exact, is nearly the divisor instead of nearly 0."""
+    quotient = x / y
+    rest = np.fmod(x, y)
+    rest = np.where((rest != 0.0) & ((rest < 0.0) != (y < 0.0)), rest + y, rest)
+    below = (quotient == np.floor(quotient)) & (np.abs(rest) > 0.5 * np.abs(y))
+    return np.asarray(np.floor(quotient) - below)
+
+
 def root(a: Interval) -> Interval:
     """The square root; of a negative number 0, as everywhere in the language."""
     low, high = np.sqrt(np.maximum(a[0], 0.0)), np.sqrt(np.maximum(a[1], 0.0))

@@ -18,7 +18,7 @@ SCENES = 40
 
 @pytest.fixture(scope="module")
 def court(egl: Context) -> Iterator[Court]:
-    made = Court(context=egl)
+    made = Court(context=egl, proofs=False)
     yield made
     made.close()
 

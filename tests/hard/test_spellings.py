@@ -14,7 +14,7 @@ from tests.lab.spellings import Court, Spelling, Variant, disagreements, drawn, 
 
 @pytest.fixture(scope="module")
 def court(egl: Context) -> Iterator[Court]:
-    made = Court(context=egl)
+    made = Court(context=egl, proofs=False)
     yield made
     made.close()
 

@@ -1,4 +1,4 @@
-"""Random scenes from the whole catalogue, held against the truth and against each other.
+"""Random scenes from the whole catalogue, held against the truth, the proof of their hits and each other.
 
 python -m tests.lab.fuzz --minutes 10 [--seed 1] [--keep]   (or --scenes 5000)
 
@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 
 import raymarch as rm
 from raymarch.errors import RaymarchError
+from tests.hard.proofs import contradicted
 from tests.hard.python import as_python
 from tests.hard.referee import Referee
 from tests.hard.relations import RELATIONS, Seen
@@ -83,6 +84,7 @@ def faults(world: World, node: rm.Node, seed: int, only: tuple[str, ...] = (), e
         f"against the truth: {what}"
         for what in (*referee.unexplained(frame.depth, frame.iterations), *referee.turned(frame))
     ]
+    found += [f"against the proof: {what}" for what in contradicted(scene, frame)]
     if seed % 4 == 0 and not np.all(np.isfinite(frame.color)):
         found.append("colours are not finite")
     names = list(RELATIONS)

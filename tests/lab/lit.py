@@ -1,4 +1,5 @@
-"""Random lit scenes, each pixel held against a renderer by brute force (tests/hard/brute.py).
+"""Random lit scenes, each pixel held against a renderer by brute force (tests/hard/brute.py), and against the proof of
+its hit and of its hard shadows.
 
 python -m tests.lab.lit --scenes 2000 [--seed 1] [--keep]
 
@@ -24,6 +25,7 @@ from raymarch.errors import RaymarchError
 from raymarch.gpu import Frame, Renderer
 from raymarch.scene.quality import SCHEDULES, TRACERS
 from tests.hard.brute import FAMILIES, KINDS, Brute, Picture, Spec, Tree, around, distance, parts_of, shown
+from tests.hard.proofs import contradicted
 from tests.lab.long_runs import keep
 
 SIZE = (33, 25)
@@ -555,9 +557,10 @@ def _side(judge: Picture, off: list[Any]) -> Any:
 
 
 class Court:
-    """Two renderers, which draw in turns, and the judge."""
+    """Two renderers, which draw in turns, and the judges. proofs : with the proof as the second one."""
 
-    def __init__(self, renderers: int = 2, context: Any = None) -> None:
+    def __init__(self, renderers: int = 2, context: Any = None, proofs: bool = True) -> None:
+        self.proofs = proofs
         self.renderers = [Renderer(SIZE, context=context) if context else Renderer(SIZE) for _ in range(renderers)]
         self.turn = 0
 
@@ -571,11 +574,20 @@ class Court:
     def verdict(self, spec: Spec) -> Difference | None:
         """A scene drawn with constants; and with parameters and time if it has any."""
         judge = Brute(spec, SIZE).picture()
-        found = differences(spec, judge, self.draw(spec.changed(moving=0)))
+        found = self._judged(judge, spec.changed(moving=0))
         if found is None and spec.moving:
-            found = differences(spec, judge, self.draw(spec))
+            found = self._judged(judge, spec)
             if found is not None:
                 found.kinds["only as parameters"] += 1
+        return found
+
+    def _judged(self, judge: Picture, spec: Spec) -> Difference | None:
+        frame = self.draw(spec)
+        found = differences(spec, judge, frame)
+        if found is None and self.proofs:
+            scene, params = scene_of(spec)
+            said = contradicted(scene, frame, params, SECONDS if spec.moving else 0.0, shadows=True)
+            found = Difference(Counter({"proof": len(said)}), said[0]) if said else None
         return found
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Random scenes of objects as data, held against the same objects as text and against the truth.
+"""Random scenes of objects as data, held against the same objects as text, the truth and the proof of their hits.
 
 python -m tests.lab.objects [FIRST] [LAST]   (seeds, 0 to 100 by default; ends with code 1 if a picture is wrong)
 """
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 import raymarch as rm
 from raymarch.plan.gather import gather
+from tests.hard.proofs import contradicted
 from tests.hard.referee import Referee
 from tests.hard.world import World
 
@@ -171,6 +172,7 @@ def faults(world: World, seed: int) -> list[str] | None:
         "colours": (np.count_nonzero(color > 2), 12),
     }
     found = [f"{count} {name} differ from those as text" for name, (count, most) in counts.items() if count > most]
+    found += [f"data: {what}" for what in contradicted(versions["data"], data, params)]
     if not params:
         for name, frame in (("data", data), ("text", text)):
             referee = Referee(versions[name], SIZE)

@@ -4,8 +4,8 @@ python -m tests.lab.spellings --scenes 500 [--seed 1] [--sets]
 
 A scene is drawn as plain numbers. Each of its parts has several spellings: nodes that are the same set of points, such
 as a cylinder and a revolved rectangle, or a repetition and the union of its copies. Nothing but the package takes part:
-a picture is compared with another picture, or with --sets the sign of a field with that of another, at random points.
-What differs is made smaller, and printed.
+a picture is compared with another picture and with the proof of its hits, or with --sets the sign of a field with that
+of another, at random points. What differs is made smaller, and printed.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from raymarch.errors import RaymarchError, SceneWarning
 from raymarch.expr.arrays import bound
 from raymarch.gpu import Frame, Renderer
 from raymarch.gpu.context import Context
+from tests.hard.proofs import contradicted
 from tests.lab.lit import with_less, with_plain_materials
 
 SIZE = (48, 36)
@@ -1033,9 +1034,10 @@ def variants(seed: int, spec: Spec) -> list[Variant]:
 
 
 class Court:
-    """Draws scenes."""
+    """Draws scenes. proofs : hits are also held against their proof."""
 
-    def __init__(self, context: Context | None = None) -> None:
+    def __init__(self, context: Context | None = None, proofs: bool = True) -> None:
+        self.proofs = proofs
         self.renderer = Renderer(SIZE, context=context) if context else Renderer(SIZE)
         self.drawn = 0
 
@@ -1048,14 +1050,19 @@ class Court:
             warnings.filterwarnings("error", ".* compiling takes about")
             frame = self.renderer.render(scene, outputs=("color", "depth", "normal"), time=TIME)
         self.drawn += 1
+        self.last = frame
         return frame
 
     def verdict(self, spec: Spec, variant: Variant, first: Frame | None = None) -> str | None:
         unit = max(math.dist(spec.position, spec.target), 1e-9)
         first = first or self.frame(spec, Variant())
         found = apart(first, self.frame(spec, variant), variant.moved, unit)
-        wrong = {name: int(where.sum()) for name, where in found.items() if where.sum() > 3}
-        return ", ".join(f"{n} of {name}" for name, n in wrong.items()) or None
+        wrong = [f"{where.sum()} of {name}" for name, where in found.items() if where.sum() > 3]
+        return ", ".join(wrong or self.contradicted()) or None
+
+    def contradicted(self) -> list[str]:
+        """What a proof says against the last picture."""
+        return contradicted(self.scene, self.last, time=TIME) if self.proofs else []
 
     def close(self) -> None:
         self.renderer.close()
@@ -1105,6 +1112,8 @@ def look(court: Court, seed: int, shrink: bool = True) -> str | None:
         first = court.frame(spec, Variant())
     except (RaymarchError, SceneWarning):
         return None
+    if said := court.contradicted():
+        return f"--- seed {seed} {spec.tags}: {', '.join(said)}\n{spec}"
     for variant in variants(seed, spec):
         try:
             wrong = court.verdict(spec, variant, first)

@@ -234,3 +234,17 @@ def test_a_vector_times_itself_is_enclosed() -> None:
     """So gradient noise has its weights."""
     ball = rm.implicit(lambda p: rm.dot(p * p, (1.0, 2.0, 1.0)) - 1.0, 1.5)
     assert rm.prove(ball, rm.truth(ball, size=(7, 4), outputs=("depth",))).proved == 28
+
+
+@pytest.mark.parametrize(
+    "solid",
+    [
+        rm.box((0.9, 0.5, 0.7)).repeat_mirrored(2.0, (3, 1, 1)),
+        rm.intersection(rm.box((0.9, 0.5, 0.7)), rm.box((0.9, 0.6, 0.7)), k=0.3, blend="stairs"),
+    ],
+    ids=["number of a cell", "face of a step"],
+)
+def test_a_value_on_a_border_of_cells(solid: rm.Node) -> None:
+    """The remainder of a whole number, and of a value that is one along a whole face: points have both sides, too."""
+    found = rm.prove(rm.Scene(solid, rm.Camera((1.2, 1.5, 2.5))), size=(32, 18))
+    assert found.share == 1.0 and found.evaluations.mean() < 20

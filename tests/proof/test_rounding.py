@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from fractions import Fraction
+from math import floor
 from typing import Any
 
 import mpmath
@@ -104,3 +106,18 @@ def test_one_unit_less_is_noticed() -> None:
     x, y = (arguments((-1e6, 1e6), COUNT, seed) for seed in (1, 2))
     x, y = x[: min(len(x), len(y))], y[: min(len(x), len(y))]
     assert len(outside((x + y, x + y), lambda a, b: a + b, x, y)) > 50
+
+
+def test_floors_of_quotients_are_exact() -> None:
+    """Also where the rounded quotient is an integer and the true one is just below, which 1 - 2^-53 over 1 is."""
+    random = np.random.default_rng(4)
+    y = np.concatenate([random.uniform(-3.0, 3.0, 3000), random.integers(1, 5, 1000)])
+    x = random.integers(-50, 50, 4000) * y
+    x[:1000], x[1000:2000] = np.nextafter(x[:1000], np.inf), np.nextafter(x[1000:2000], -np.inf)
+    low, high = r.whole_quotients((x, x), (y, y))
+    right = [floor(Fraction(a) / Fraction(b)) for a, b in zip(x, y, strict=True)]
+    assert np.array_equal(low, right) and np.array_equal(high, right)
+    assert np.any(np.floor(x / y) != right)
+    wide = np.nextafter(y, np.inf)  # divisors that are no one number
+    low, high = r.whole_quotients((x, x), (y, wide))
+    assert np.all((low <= right) & (right <= high))
