@@ -29,12 +29,13 @@ def flatness(root: Node, stretches: bool = False) -> float:
 
     It is the largest spread of the nodes of a tree, such as the ratio of the factors of an uneven scale, of sampled
     fields the largest ratio at a sample, and of fields that are divided by their steepest slope, such as implicit and
-    displaced surfaces, that over the least slope at the surface. Nodes of which it is not known are left out.
+    displaced surfaces, or whose spread is not known, such as pipes, that over the least slope at the surface. Nodes of
+    which it is not known are left out.
 
     stretches : True if rays know implicit surfaces that are only placed and united along a stretch, and do not end at a
         value.
     """
-    return max([flatness_by_facts(root), *(_of_slopes(node) for node in [*_divided(root, stretches)][:MEASURED])])
+    return max([flatness_by_facts(root), *(_of_slopes(node) for node in [*_uncertain(root, stretches)][:MEASURED])])
 
 
 def flatness_by_facts(root: Node) -> float:
@@ -44,18 +45,21 @@ def flatness_by_facts(root: Node) -> float:
     return max([1.0, *known, *(_of_samples(node) for node in nodes if node.name == "sampled_grid")])
 
 
-def _divided(root: Node, stretches: bool) -> Iterator[Node]:
-    """The largest parts of a tree that are not only placed and united, and are divided by a steep slope."""
+def _uncertain(root: Node, stretches: bool) -> Iterator[Node]:
+    """The largest parts of a tree that are not only placed and united, and are divided by a steep slope or of unknown
+    spread."""
     visited: set[int] = set()
     pending = [(root, stretches)]
     while pending:
         node, placed = pending.pop()
-        if id(node) in visited or node.facts.undivided <= STEEP or node.name == "sampled_grid":
+        facts = node.facts
+        known = facts.undivided <= STEEP and (math.isfinite(facts.spread) or facts.exactness == "estimate")
+        if id(node) in visited or known or node.name == "sampled_grid":
             continue
         visited.add(id(node))
         if node.placed_as in ("union", "select", "rigid", "scale"):
             pending += [(child, placed) for child in node.children]
-        elif node.facts.bounded:
+        elif facts.bounded:
             if not (placed and node.definition.name == "implicit_solid"):
                 yield node
         else:
