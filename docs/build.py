@@ -52,7 +52,7 @@ SECTIONS = {
     "Fractals and periodic surfaces": ("fractals", "folds", "periodic"),
     "Functions, data and GLSL": ("implicit", "sampled", "heights", "meshes", "raw"),
     "Unions, intersections, differences": ("booleans", "joints"),
-    "Place, size and material": ("placing", "visibility"),
+    "Place, size and material": ("placing", "affine", "visibility"),
     "Copies": ("repetition", "copies", "cells", "instancing"),
     "Deformations": ("deform", "noise"),
 }
@@ -91,6 +91,9 @@ SPECIMENS: dict[str, Callable[[], Node]] = {
     "rotate_about": lambda: brick().rotate(0.6, (0, 0, 1)),
     "scale_evenly": lambda: brick().scale(0.5).material(PAINT) | brick().translate((1.6, 0, -0.6)).material(SECOND),
     "scale_axes": lambda: rm.sphere().scale((1.3, 0.5, 0.8)),
+    "linear_map": lambda: brick().transform(
+        [[1, 0.7 * sin(rm.time + 1), 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+    ),
     "affine": lambda: brick().transform([[1, 0.5, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),
     "mirror_across": lambda: rm.capsule((0.2, -0.5, 0), (1, 0.6, 0.2), 0.25).mirror("x"),
     "labelled": lambda: brick().material(rm.Material(color=(0.2, 0.5, 0.8))),

@@ -1,8 +1,9 @@
 """Hoisting: subexpressions that read time but not the point are computed on the CPU in float64, once per frame.
 
 After a day, an ulp of `time` in float32 is .0078 s, so an angle that grows with time would turn in jerks. Sines, angles
-and offsets of time are passed as uniforms instead, which also saves work in each evaluation of the field. A wave such
-as sin(x + time) depends on time and on the point. It is periodic, so its time term is reduced modulo the period.
+and offsets of time are passed as uniforms instead, which also saves work in each evaluation of the field; so are costly
+expressions of parameters. A wave such as sin(x + time) depends on time and on the point. It is periodic, so its time
+term is reduced modulo the period.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from raymarch.errors import Location
 from raymarch.expr.function import Function, unique_function
 from raymarch.expr.node import Expr, make
+from raymarch.expr.operations import operations
 from raymarch.expr.types import FLOAT, Type
 from raymarch.expr.walk import find, rebuild, topological
 from raymarch.scene.parameter import Spec, Value, Values
@@ -23,9 +25,13 @@ from raymarch.sdf.lower import rewritten
 NEVER_HOISTED = frozenset("var apply cell loop item mark sample sample_slope fetch texture raw raw_slope".split())
 """Operations that depend on the point, or that only the shader can evaluate."""
 
+COSTLY = 24
+"""Operations of an expression of parameters alone from which it is hoisted."""
+
 
 class Hoisting:
-    """Replaces time-only subexpressions by new parameters, which the functions of a plan share.
+    """Replaces time-only subexpressions, and costly ones of parameters alone, by new parameters, which the functions of
+    a plan share.
 
     origins : the user's line of each expression; lines of new expressions are added.
     expressions : what each parameter stands for, by its name.
@@ -38,15 +44,15 @@ class Hoisting:
         self._done: dict[Function, Function] = {}
 
     def __call__(self, function: Function) -> Function:
-        """The function with its time-only subexpressions replaced."""
-        if function not in self._done and not find([function.body], "time"):
+        """The function with its time-only subexpressions replaced, and costly ones of parameters."""
+        if function not in self._done and not find([function.body], "time") and not _costly(function.body):
             self._done[function] = function
         if function not in self._done:
             made: dict[Function, Function] = {}
             for old in topological([function], _called):
                 body = _calling(old.body, made, self.origins)
                 body = _replaced(body, _phases(body), self.origins)
-                for node in _largest(body):
+                for node in (*_largest(body), *_costly(body)):
                     if node not in self._leaves:
                         name = f"hoisted {len(self.expressions)}"
                         spec = Spec(name, _plain(Values({}).of(node)), None, None, self.origins.get(node))
@@ -102,6 +108,15 @@ def _largest(body: Expr) -> list[Expr]:
     if body in moving:
         found[body] = None
     return [node for node in found if node.op != "time"]
+
+
+def _costly(body: Expr) -> list[Expr]:
+    """The maximal expressions of parameters alone that take `COSTLY` operations or more."""
+    if not find([body], "param"):
+        return []
+    still, moving = _of_time(body)
+    found = {arg: None for node in topological([body]) if node not in still for arg in node.args if arg in still}
+    return [node for node in found if node not in moving and operations([node]) >= COSTLY and find([node], "param")]
 
 
 def _of_time(body: Expr) -> tuple[set[Expr], set[Expr]]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from raymarch.sdf import lower as _lower  # these register how a node is evaluated, printed and pickled
 from raymarch.sdf import pickling as _pickling
+from raymarch.sdf.affine import transform
 from raymarch.sdf.ball_parts import *
 from raymarch.sdf.booleans import *
 from raymarch.sdf.boxes import *
@@ -32,7 +33,7 @@ from raymarch.sdf.node import *
 from raymarch.sdf.noise import *
 from raymarch.sdf.noise import displace_by, displace_by_noise
 from raymarch.sdf.periodic import *
-from raymarch.sdf.placing import material, mirror, orient, rotate, scale, transform, translate
+from raymarch.sdf.placing import material, mirror, orient, rotate, scale, translate
 from raymarch.sdf.polyhedra import *
 from raymarch.sdf.profiles import extrude, extrude_to, revolve, slice
 from raymarch.sdf.raw import *

@@ -172,6 +172,9 @@ Vector: TypeAlias = Sequence[Any] | NDArray[Any] | Expr
 Vec3Like: TypeAlias = Sequence[float | Expr] | NDArray[Any] | Expr
 """Three numbers as a sequence, an array of shape (3,), or a vec3 expression."""
 
+MatrixLike: TypeAlias = Sequence[Any] | NDArray[Any]
+"""The rows of a matrix as sequences, an array of shape (n, n), or vector expressions."""
+
 ColorLike: TypeAlias = Vec3Like | str
 """Linear RGB, three numbers: 0 to 1 for reflectances, >= 0 for light. Or a string in sRGB: "#ff8800", "orange"."""
 

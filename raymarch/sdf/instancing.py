@@ -15,13 +15,14 @@ from raymarch.expr.convert import holdable, numbers, short
 from raymarch.expr.node import Expr, const, var
 from raymarch.expr.types import FLOAT, MAT3, VEC3
 from raymarch.expr.walk import find
+from raymarch.sdf.affine import affine
 from raymarch.sdf.definition import shape
 from raymarch.sdf.derivation import divisor_of
 from raymarch.sdf.domain import Domain
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.lower import lower
 from raymarch.sdf.node import Node, solid
-from raymarch.sdf.placing import affine, material, refuse_label, translate
+from raymarch.sdf.placing import material, refuse_label, translate
 from raymarch.sdf.regions import Turned
 from raymarch.sdf.rows import Form, Rows, Slot
 from raymarch.sdf.solids import sphere

@@ -20,7 +20,7 @@ from raymarch.sdf.same import Same, same
 
 if TYPE_CHECKING:
     from raymarch.expr.function import Function
-    from raymarch.sdf import booleans, copies, deform, heights, noise, placing, profiles, repetition
+    from raymarch.sdf import affine, booleans, copies, deform, heights, noise, placing, profiles, repetition
     from raymarch.sdf.definition import Definition
     from raymarch.sdf.domain import Scalar, Vector
 
@@ -225,7 +225,7 @@ class Node:
 
     if TYPE_CHECKING:  # `method` adds them
         union, intersection, difference = booleans.union, booleans.intersection, booleans.difference
-        rotate, scale, transform, mirror = placing.rotate, placing.scale, placing.transform, placing.mirror
+        rotate, scale, transform, mirror = placing.rotate, placing.scale, affine.transform, placing.mirror
         orient, shear, wrap_around = placing.orient, deform.shear, deform.wrap_around
         twist, bend, taper, displace = deform.twist, deform.bend, deform.taper, deform.displace
         displace_by, displace_by_noise = noise.displace_by, noise.displace_by_noise

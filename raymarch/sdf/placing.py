@@ -8,10 +8,9 @@ from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from raymarch.errors import SceneError
-from raymarch.expr.convert import described, holdable, numbers, short
+from raymarch.expr.convert import described, short
 from raymarch.expr.degrees import suspect_degrees
 from raymarch.expr.node import Expr, const, expr
 from raymarch.expr.types import FLOAT
@@ -32,7 +31,7 @@ from raymarch.expr.vocabulary import (
     where,
 )
 from raymarch.sdf.definition import Child, ChildFacts, definition_of, operator
-from raymarch.sdf.domain import Angle, Direction, Matrix3, Positive, Scalar, Size3, Vec3, Vector, as_operand
+from raymarch.sdf.domain import Angle, Direction, Positive, Scalar, Size3, Vec3, Vector, as_operand
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.node import Node, method, solid
 from raymarch.sdf.regions import Motion
@@ -65,7 +64,7 @@ def _axes(dimension: int) -> list[Expr]:
     return [const(row) for row in np.eye(dimension)]
 
 
-def _spread_through(matrix: Expr) -> Expr:
+def spread_through(matrix: Expr) -> Expr:
     """The factor by which a matrix enlarges the extent of a cube about the origin, along an axis."""
     first, *others = [abs(matrix @ axis) for axis in _axes(matrix.type.size)]
     for reach in others:
@@ -273,64 +272,6 @@ def scale(node: Node, factor: Scalar | Vector) -> Node:
     return scaled
 
 
-@operator(
-    exactness=lambda child, linear: "exact" if _is_rigid(linear) else "bound",
-    spread=lambda child, linear, stretch: child.spread * _spread_through(linear) / stretch,
-    convex=True,
-    motion=lambda child, linear, offset: Motion(linear, offset),
-    dimension="any",
-    called="transform",
-    placing=lambda child, linear: "scale" if _is_rigid(linear, 1e-12) else "stretch",
-)
-def affine(p: Expr, child: Child, linear: Matrix3, inverse: Matrix3, offset: Vec3, stretch: Positive) -> Expr:
-    """The affine map x -> linear x + offset. `stretch` is the smallest singular value of `linear`."""
-    return stretch * child(inverse @ (p - offset))
-
-
-def _is_rigid(linear: Expr, tolerance: float = 8 * np.finfo(np.float64).eps) -> bool:
-    """A rotation or reflection times one factor: all singular values agree to rounding."""
-    values = np.linalg.svd(linear.data, compute_uv=False)
-    return bool(values[0] - values[-1] <= tolerance * values[0])
-
-
-@method
-def transform(node: Node, matrix: ArrayLike) -> Node:
-    """Apply an affine matrix.
-
-    Parameters
-    ----------
-    matrix : shape (4, 4), for row vectors as pyrr makes them: (x, y, z, 1) @ matrix, so the last row holds the
-        offset and the last column is (0, 0, 0, 1). It may rotate, scale, shear and reflect, but not flatten:
-        its smallest singular value scales distances. A rotation with one factor keeps exactness. For a flat shape
-        the same in the plane: shape (3, 3), (x, y, 1) @ matrix.
-
-    Returns
-    -------
-    Node
-
-    Raises
-    ------
-    SceneError : arguments of another kind or outside their range.
-    """
-    n = node.dimension if isinstance(node, Node) else 3
-    corner = [0.0] * n + [1.0]
-    m = numbers("transform: matrix", matrix, f"{n + 1}x{n + 1} finite numbers")
-    if m.shape != (n + 1, n + 1) or not holdable(m):
-        what = f"transform: a matrix of shape {m.shape}, values {short(m.tolist())}"
-        raise SceneError(what, legal=f"{n + 1}x{n + 1} finite numbers")
-    if not np.array_equal(m[:, n], corner):
-        for_columns = np.array_equal(m[n], corner)
-        hint = "for column vectors, it seems: pass its transpose" if for_columns else "not affine"
-        shown = f"({', '.join(f'{v:g}' for v in corner)})"
-        raise SceneError(f"transform: last column {m[:, n].tolist()}, {hint}", legal=f"last column {shown}")
-    linear = m[:n, :n].T
-    singular = np.linalg.svd(linear, compute_uv=False)
-    if singular[-1] <= 1e-12 * singular[0] or singular[-1] == 0.0:
-        what = f"transform: singular matrix, its stretches are {singular.tolist()}"
-        raise SceneError(what, legal="an invertible matrix")
-    return affine(node, linear, np.linalg.inv(linear), m[n, :n], float(singular[-1]))
-
-
 def _exact_if_one_sided(child: Facts, normal: Expr) -> Exactness:
     """Exactness: a part beyond the mirror plane is cut off, and distances to it are too small. A part that touches the
     plane merges with its image, and its surface there is then inside."""
@@ -369,7 +310,7 @@ def _mirrored_symmetry(child: Facts, normal: Expr) -> str:
     exactness=_exact_if_one_sided,
     bounds=_mirrored_bounds,
     symmetry=_mirrored_symmetry,
-    spread=lambda child, normal: child.spread * _spread_through(_reflection(normal)),
+    spread=lambda child, normal: child.spread * spread_through(_reflection(normal)),
     radii=_mirrored_radii,
     dimension="any",
     called="mirror",

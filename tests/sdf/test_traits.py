@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import raymarch
 from raymarch.expr.arrays import evaluator
-from raymarch.expr.node import Expr, var
+from raymarch.expr.node import Expr, const, var
 from raymarch.expr.types import FLOAT
 from raymarch.expr.walk import find, substitute
 from raymarch.sdf import Node
@@ -167,8 +167,7 @@ def test_a_placed_operator_tells_where_its_child_is() -> None:
         for _, node in built(trait):
             point, child, factor = node.definition.placement(node.params)
             at = np.random.default_rng(6).uniform(-1.5, 1.5, (200, node.dimension))
-            (q,) = evaluator([child], [point])(at)
-            by = 1.0 if factor is None else float(factor.data)
+            q, by = evaluator([child, const(1.0) if factor is None else factor], [point])(at)
             wanted = by * node.children[0].distance(np.broadcast_to(q, at.shape)) / node.facts.divisor
             np.testing.assert_allclose(node.distance(at), wanted, atol=1e-12)
 

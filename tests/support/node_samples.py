@@ -29,6 +29,7 @@ from raymarch.expr.function import Function
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import cos, dot, sin
 from raymarch.scene.material import Material
+from raymarch.scene.parameter import time
 from raymarch.sdf import (
     Node,
     box,
@@ -262,6 +263,9 @@ def samples() -> list[NodeSample]:
 _kind, _flat = CHILDREN[3], CHILDREN[2]
 _slanting = np.array([[0.8, 0.6, 0.0, 0.0], [-0.6, 0.8, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.3, -0.2, 0.5, 1.0]])
 _shearing = np.array([[1.5, 0.4, 0.0, 0.0], [0.0, 0.7, 0.3, 0.0], [0.1, 0.0, -1.0, 0.0], [0.0, 0.4, 0.0, 1.0]])
+_breath = 1.3 + 0.4 * cos(time + 0.5)
+_sway = 0.4 * sin(time + 0.7)
+_swaying = [[1.5, _sway, 0, 0], [0, 0.7 + _sway, 0.3, 0], [0.1, 0, -1.0, 0], [0, 0, 0, 1]]
 
 
 def _blends(combine: Callable[..., Node], dimension: int, families: Sequence[str]) -> dict[str, Callable[[], Node]]:
@@ -289,6 +293,16 @@ SPECIAL: dict[str, dict[str, Callable[[], Node]]] = {
     "affine_2d": {
         "rigid": lambda: transform(_flat["bitten disc"](), _slanting[np.ix_([0, 1, 3], [0, 1, 3])]),
         "sheared": lambda: transform(_flat["disc aside"](), [[1.5, 0.4, 0.0], [-0.2, 0.7, 0.0], [0.3, 0.1, 1.0]]),
+    },
+    "linear_map": {
+        "sheared": lambda: transform(_kind["brick"](), _swaying),
+        "stretched": lambda: transform(_kind["slanted"](), np.diag([_breath, 1.0, _breath, 1.0])),
+        "sheared bitten": lambda: transform(_kind["bitten"](), _swaying),
+        "sheared stretched": lambda: transform(_kind["stretched"](), _swaying),
+    },
+    "linear_map_2d": {
+        "sheared": lambda: transform(_flat["disc aside"](), [[_breath, 0.4, 0.0], [-0.2, 0.7, 0.0], [0.0, 0.0, 1.0]]),
+        "bitten": lambda: transform(_flat["bitten disc"](), np.diag([_breath, 1.0, 1.0])),
     },
     "repeat_cells_2d": {
         "without end": lambda: repeat(_flat["disc"](), 1.5),
