@@ -7,23 +7,22 @@ compared with the radius of the light's disc there.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import Doubt, SceneError
-from raymarch.expr.arrays import evaluator, value_of
-from raymarch.expr.derivative import companion
+from raymarch.expr.arrays import value_of
 from raymarch.expr.function import Function
 from raymarch.expr.node import expr
 from raymarch.expr.operations import operations_of
 from raymarch.scene.light import Light
 from raymarch.scene.scene import Scene
-from raymarch.sdf.lower import Lowering
+from raymarch.sdf.levels import to_surface
+from raymarch.sdf.lower import Lowering, evaluate_both, in_blocks
 from raymarch.sdf.node import Node
+from raymarch.sdf.same import remembered
 
 Array = NDArray[np.float64]
 
@@ -63,46 +62,28 @@ def narrow(scene: Scene) -> list[Doubt]:
     return [each for i, each in enumerate(found) if str(each) not in map(str, found[:i])]
 
 
-@lru_cache(maxsize=16)
+@remembered
 def _field(node: Node) -> Function:
     return Lowering(rays="shadow").field(node)
-
-
-@lru_cache(maxsize=16)
-def _fields(node: Node) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
-    """The field of shadow rays, as values and as gradients with values."""
-    field = _field(node)
-    both = companion(field)
-    value, slope = evaluator([field.body], field.params), evaluator([both.body], both.params)
-
-    def values(p: Array) -> Array:
-        return np.broadcast_to(value(p)[0], len(p))
-
-    return values, lambda p: np.broadcast_to(slope(p)[0], (len(p), 4))
 
 
 def _surface(node: Node, lower: tuple[float, ...], upper: tuple[float, ...]) -> tuple[Array, Array]:
     """Points of the surface in a box, with their normals."""
     low, high = np.array(lower), np.array(upper)
     size = float(np.linalg.norm(high - low))
-    points = np.random.default_rng(0).uniform(low, high, (POINTS, 3))
-    both = _fields(node)[1]
-    for _ in range(10):
-        found = both(points)
-        slope, value = found[:, :3], found[:, 3]
-        points = points - slope * (value / np.maximum((slope * slope).sum(axis=1), 1e-12))[:, None]
-    found = both(points)
-    steep = np.linalg.norm(found[:, :3], axis=1)
-    kept = (np.abs(found[:, 3]) <= 1e-5 * size) & (steep > 1e-3) & np.isfinite(points).all(axis=1)
+    points, _ = to_surface(_field(node), np.random.default_rng(0).uniform(low, high, (POINTS, 3)), 10)
+    value, slope = evaluate_both(_field(node), points)
+    steep = np.linalg.norm(slope, axis=1)
+    kept = (np.abs(value) <= 1e-5 * size) & (steep > 1e-3) & np.isfinite(points).all(axis=1)
     kept &= ((points >= low - 1e-3 * size) & (points <= high + 1e-3 * size)).all(axis=1)
-    return points[kept], (found[:, :3] / np.maximum(steep, 1e-9)[:, None])[kept]
+    return points[kept], (slope / np.maximum(steep, 1e-9)[:, None])[kept]
 
 
 class _Widths:
     """Widths of the gap before each surface point and of the solid behind it, and the way to what is shaded there."""
 
     def __init__(self, node: Node, points: Array, normals: Array, size: float) -> None:
-        self._values, self._size = _fields(node)[0], size
+        self._field, self._size = _field(node), size
         self._points, self._normals = points, normals
         self.gap = self._free(points, normals, 1.0)
         self.thickness = self._free(points, -normals, -1.0)
@@ -110,10 +91,10 @@ class _Widths:
     def _free(self, start: Array, way: Array, side: float, sizes: float = 2.0) -> Array:
         """How far rays from a surface go before they leave a side of it; infinite beyond so many sizes of it."""
         t = np.full(len(start), 1e-3 * self._size)
-        first = side * self._values(start + t[:, None] * way)
+        first = side * in_blocks(self._field, start + t[:, None] * way, ())
         going = np.flatnonzero(first > 0.0)
         for _ in range(40):
-            value = side * self._values(start[going] + t[going, None] * way[going])
+            value = side * in_blocks(self._field, start[going] + t[going, None] * way[going], ())
             t[going] += np.maximum(value, 0.0)
             going = going[(value > 1e-4 * self._size) & (t[going] < sizes * self._size)]
             if not len(going):
@@ -138,7 +119,8 @@ class _Widths:
         seen = (facing < 0.85) & np.isfinite(radius) & (self.thickness > 0.0)
         closed = self.gap < 2.5 * radius
         passed = np.isinf(self._free(beside, to_light, 1.0))
-        wall = self._values(self._points + (self.gap + 0.2 * radius).clip(0, 1e9)[:, None] * self._normals) < 0.0
+        within = self._points + (self.gap + 0.2 * radius).clip(0, 1e9)[:, None] * self._normals
+        wall = in_blocks(self._field, within, ()) < 0.0
         gaps = seen & closed & passed & wall & (self.thickness > 0.3 * radius)
         sides = seen & (facing < 0.35) & ~closed
         rods = sides & (self.thickness < 0.7 * radius)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import field, fields
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
-from weakref import WeakKeyDictionary
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,11 +35,10 @@ from raymarch.sdf.labels import rows_of, seen_labels
 from raymarch.sdf.node import Node
 from raymarch.sdf.node import all_nodes as all_nodes
 from raymarch.sdf.placement import offset_of
+from raymarch.sdf.same import remembered
 
 if TYPE_CHECKING:
     from PIL.Image import Image
-
-T = TypeVar("T")
 
 HORIZON = 1e4
 """Rays in an unbounded scene are traced to this many times its scale. The horizon is then cut far below a pixel."""
@@ -329,19 +327,7 @@ class Scene(Value):
         ]
 
 
-def _remembered(function: Callable[[Node], T]) -> Callable[[Node], T]:
-    """Decorator: answers are kept as long as the solid. A plan asks often, and a solid may have thousands of nodes."""
-    known: WeakKeyDictionary[Node, T] = WeakKeyDictionary()
-
-    def answer(root: Node) -> T:
-        if root not in known:
-            known[root] = function(root)
-        return known[root]
-
-    return answer
-
-
-@_remembered
+@remembered
 def _expressions_of(root: Node) -> list[Expr]:
     """The expressions of a solid, each once."""
     found: dict[Expr, None] = {}
@@ -352,7 +338,7 @@ def _expressions_of(root: Node) -> list[Expr]:
     return list(found)
 
 
-@_remembered
+@remembered
 def _labels(root: Node) -> list[Any]:
     """The visible labels of a solid, each once."""
     seen = seen_labels(root)
@@ -364,7 +350,7 @@ def _labels(root: Node) -> list[Any]:
     return [label for label in given if label in seen]
 
 
-@_remembered
+@remembered
 def _materials(root: Node) -> tuple[Material, ...]:
     given = _labels(root)
     default = PHYSICAL_DEFAULT if given and all(m.physical for m in given) else DEFAULT
@@ -416,7 +402,7 @@ def _operands(root: Node) -> Iterator[Node]:
                 pending.append(child)
 
 
-@_remembered
+@remembered
 def _moved_parts(root: Node) -> list[tuple[Facts, Expr]]:
     """Bounded solids whose translation has no bounds, so that they have none: their box and their offset."""
     found = []
@@ -429,12 +415,12 @@ def _moved_parts(root: Node) -> list[tuple[Facts, Expr]]:
     return found
 
 
-@_remembered
+@remembered
 def _framed(root: Node) -> Framed:
     return frame_of(root, [node for node in _operands(root) if node.facts.bounded and not node.facts.empty])
 
 
-@_remembered
+@remembered
 def _bounded_part(root: Node) -> Facts | None:
     """The box around the largest bounded parts; None if there are none."""
     boxes = [node.facts for node in _operands(root) if node.facts.bounded and not node.facts.empty]

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from functools import lru_cache
+from itertools import islice
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,11 @@ from raymarch.expr.function import Function
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.samples import Samples
 from raymarch.expr.vocabulary import clamp, length, vec3
-from raymarch.sdf.lower import evaluate_both
+from raymarch.sdf.lower import evaluate_both, evaluate_undivided, undivided_field
 from raymarch.sdf.node import Node, all_nodes
+from raymarch.sdf.same import remembered
+
+Array: TypeAlias = NDArray[np.float64]
 
 PROBES = 4096
 """Number of points at which `has_levels` evaluates an estimate."""
@@ -38,6 +42,7 @@ def flatness(root: Node, stretches: bool = False) -> float:
     return max([flatness_by_facts(root), *(_of_slopes(node) for node in [*_uncertain(root, stretches)][:MEASURED])])
 
 
+@remembered
 def flatness_by_facts(root: Node) -> float:
     """The same for what nodes state: uneven scales and sampled fields, and not for slopes that are measured."""
     nodes = all_nodes(root)
@@ -79,7 +84,7 @@ FLATTEST = 1e4
 """Largest ratio of the steepest slope to the least that is taken: float32 resolves no more."""
 
 
-@lru_cache(maxsize=64)
+@remembered
 def _of_samples(node: Node) -> float:
     """The largest ratio of a sample's distance to the surface, along the axes, to its value."""
     data: Samples = node.params["data"]
@@ -110,31 +115,48 @@ def _along_axes(values: NDArray[np.float64], cell: NDArray[np.float64]) -> NDArr
     return found
 
 
-@lru_cache(maxsize=64)
+@remembered
 def slopes_at_surface(node: Node) -> tuple[float, float] | None:
     """The least and the largest slope of the undivided field on the surface, but for 1 % each; None if not known.
 
-    They are those at points of the box that are moved to the surface along the gradient. An offset by d moves the
-    surface by d over the slope there.
+    An offset by d moves the surface by d over the slope there.
     """
-    lower, upper = node.bounds
-    size = float(np.linalg.norm(upper - lower))
-    if node.facts.empty or not 0.0 < size < np.inf:
+    found = _surface_points(node, PROBES // 4, 0.05)
+    if found is None:
         return None
-    points = np.random.default_rng(0).uniform(lower - 0.05 * size, upper + 0.05 * size, (PROBES // 4, len(lower)))
-    try:
-        for _ in range(12):
-            value, gradient = evaluate_both(node, points)
-            square = np.maximum((gradient * gradient).sum(axis=1), 1e-12)
-            points = points - gradient * (value / square)[:, None]
-    except SceneError:  # GLSL without a NumPy function
-        return None
-    value, gradient = evaluate_both(node, points)
+    points, _, size = found
+    value, gradient = evaluate_both(undivided_field(node), points)
     slopes = np.linalg.norm(gradient, axis=1)[(np.abs(value) <= 1e-6 * size) & np.isfinite(points).all(axis=1)]
     if len(slopes) < 16:
         return None
     low, high = np.quantile(slopes, (0.01, 0.99))
     return float(low), float(high)
+
+
+def to_surface(field: Function, points: Array, steps: int = 12) -> tuple[Array, Array]:
+    """Points moved to the surface by Newton's method along the gradient, and the unit gradients at the last step."""
+    for _ in range(steps):
+        value, gradient = evaluate_both(field, points)
+        square = np.maximum((gradient * gradient).sum(axis=1), 1e-12)
+        points = points - gradient * (value / square)[:, None]
+    return points, gradient / np.sqrt(square)[:, None]
+
+
+def _surface_points(node: Node, count: int, pad: float = 0.0) -> tuple[Array, Array, float] | None:
+    """Random points of the box that are moved to the surface of the undivided field, normals, and the box's diagonal.
+
+    pad : by which the box is enlarged on each side, in diagonals. None without a finite box, or without a field in
+    float64.
+    """
+    lower, upper = node.bounds
+    size = float(np.linalg.norm(upper - lower))
+    if node.facts.empty or not 0.0 < size < np.inf:
+        return None
+    points = np.random.default_rng(0).uniform(lower - pad * size, upper + pad * size, (count, len(lower)))
+    try:
+        return *to_surface(undivided_field(node), points), size
+    except SceneError:  # GLSL without a NumPy function
+        return None
 
 
 MEASURED = 16
@@ -226,6 +248,7 @@ FLAT = 16.0
 """Ratio of a distance to the field, after an uneven scale, above which a hit needs a sample inside the solid."""
 
 
+@remembered
 def may_touch(root: Node) -> bool:
     """True if the field may fall to 0, or to the rounding of float32, where there is no surface.
 
@@ -236,7 +259,7 @@ def may_touch(root: Node) -> bool:
     nodes = all_nodes(root)
     shapes = [node.facts for node in nodes if not node.children and not node.facts.empty]
     touching = any(n.definition.cuts or n.definition.touches for n in nodes)
-    flat = any(n.placed_as == "stretch" and n.facts.spread > FLAT for n in nodes)
+    flat = any(map(_is_flat, nodes))
     return (touching or flat) and not any(np.any(f.lower >= f.upper) for f in shapes)
 
 
@@ -246,28 +269,19 @@ def flush_cut(root: Node) -> Node | None:
     return next((node for node in cutting[:MEASURED] if node.dimension == 3 and _has_membrane(node)), None)
 
 
-@lru_cache(maxsize=64)
+@remembered
 def _has_membrane(node: Node) -> bool:
     """True if the field is 0 at several points of the box and positive on both sides of them."""
-    lower, upper = node.bounds
-    size = float(np.linalg.norm(upper - lower))
-    if node.facts.empty or not 0.0 < size < np.inf:
+    found = _surface_points(node, PROBES // 4)
+    if found is None:
         return False
-    points = np.random.default_rng(0).uniform(lower, upper, (PROBES // 4, len(lower)))
-    normals = np.zeros(points.shape)
-    try:
-        for _ in range(12):
-            value, gradient = evaluate_both(node, points)
-            normals = gradient / np.sqrt(np.maximum((gradient * gradient).sum(axis=1), 1e-12))[:, None]
-            points = points - gradient * (value / np.maximum((gradient * gradient).sum(axis=1), 1e-12))[:, None]
-        step = 1e-6 * size
-        least = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
-        first = np.cross(normals, least) / np.linalg.norm(np.cross(normals, least), axis=1)[:, None].clip(1e-12)
-        around = (0.0 * first, first, -first, np.cross(normals, first), -np.cross(normals, first))  # no edge is flat
-        flat = [np.abs(evaluate_both(node, points + 10.0 * step * way)[0]) <= 0.1 * step for way in around]
-        sides = [evaluate_both(node, points + way * step * normals)[0] > 0.25 * step for way in (1.0, -1.0)]
-    except SceneError:  # GLSL without a NumPy function
-        return False
+    points, normals, size = found
+    step = 1e-6 * size
+    least = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
+    first = np.cross(normals, least) / np.linalg.norm(np.cross(normals, least), axis=1)[:, None].clip(1e-12)
+    around = (0.0 * first, first, -first, np.cross(normals, first), -np.cross(normals, first))  # no edge is flat
+    flat = [np.abs(evaluate_undivided(node, points + 10.0 * step * way)) <= 0.1 * step for way in around]
+    sides = [evaluate_undivided(node, points + way * step * normals) > 0.25 * step for way in (1.0, -1.0)]
     return int(np.all([*flat, *sides], axis=0).sum()) >= 4
 
 
@@ -276,46 +290,32 @@ def short_tool(root: Node, reach: float) -> tuple[Node, float] | None:
 
     There the field is the distance to the end of the tool, where nothing is drawn.
     """
-    pending, visited = [(root, 1.0)], set[int]()
-    while pending and len(visited) < PROBES:
-        node, factor = pending.pop()
-        if id(node) in visited:
-            continue
-        visited.add(id(node))
+    for node, factor in islice(_scaled(root), PROBES):
         if node.name == "difference" and node.dimension == 3 and factor * _beyond_face(node) < reach:
             return node, factor * _beyond_face(node)
-        scaled = node.params.get("factor") if node.placed_as == "scale" else None
-        factor *= 1.0 if scaled is None else float(interval_of(scaled)[1])
-        pending += [(child, factor) for child in node.children]
     return None
 
 
-@lru_cache(maxsize=64)
+@remembered
 def _beyond_face(node: Node) -> float:
     """How far the tools of a difference reach beyond flat faces that they cut, at least; infinite if they cut none."""
     base, *tools = node.children
-    lower, upper = base.bounds
-    size = float(np.linalg.norm(upper - lower))
-    if base.facts.empty or not 0.0 < size < np.inf:
+    found = _surface_points(base, PROBES // 8)
+    if found is None:
         return np.inf
-    points = np.random.default_rng(0).uniform(lower, upper, (PROBES // 8, len(lower)))
+    points, normals, size = found
     ends = np.full(len(points), np.inf)
     try:
-        for _ in range(12):
-            value, gradient = evaluate_both(base, points)
-            square = np.maximum((gradient * gradient).sum(axis=1), 1e-12)
-            points = points - gradient * (value / square)[:, None]
-        normals = gradient / np.sqrt(square)[:, None]
         for tool in tools:
-            within = evaluate_both(tool, points)[0] < -1e-6 * size
+            within = evaluate_undivided(tool, points) < -1e-6 * size
             p, n = points[within], normals[within]
             low, high = np.zeros(len(p)), np.full(len(p), size)
             for _ in range(20):
                 middle = 0.5 * (low + high)
-                held = evaluate_both(tool, p + middle[:, None] * n)[0] < 0.0
+                held = evaluate_undivided(tool, p + middle[:, None] * n) < 0.0
                 low, high = np.where(held, middle, low), np.where(held, high, middle)
-            straight = (evaluate_both(tool, p + high[:, None] * n)[1] * n).sum(axis=1) > 0.99
-            nearest = -evaluate_both(tool, p + 0.5 * high[:, None] * n)[0] > 0.49 * high  # and not a side of the tool
+            straight = (evaluate_both(undivided_field(tool), p + high[:, None] * n)[1] * n).sum(axis=1) > 0.99
+            nearest = -evaluate_undivided(tool, p + 0.5 * high[:, None] * n) > 0.49 * high  # and not a side of the tool
             if np.sum(straight & nearest) >= max(4.0, 0.25 * len(p)):  # else the end is round
                 ends[within] = np.minimum(ends[within], np.where(straight & nearest, high, np.inf))
     except SceneError:  # GLSL without a NumPy function
@@ -325,7 +325,19 @@ def _beyond_face(node: Node) -> float:
 
 def thinnest(root: Node) -> tuple[Node, float] | None:
     """The node of an uneven scale above `FLAT` whose box is the thinnest, and how thick that is; None without one."""
-    found: list[tuple[float, int, Node]] = []
+    flat = [(factor, n) for n, factor in _scaled(root, _is_flat) if _is_flat(n) and not n.facts.empty]
+    found = [(factor * float(np.min(n.facts.upper - n.facts.lower)), n) for factor, n in flat]
+    thickness, node = min(found, key=lambda each: each[0], default=(0.0, None))
+    return None if node is None else (node, thickness)
+
+
+def _is_flat(node: Node) -> bool:
+    """True for an uneven scale by which the field is much smaller than the distance."""
+    return node.placed_as == "stretch" and node.facts.spread > FLAT
+
+
+def _scaled(root: Node, ends: Callable[[Node], bool] = lambda _: False) -> Iterator[tuple[Node, float]]:
+    """The nodes of a tree, each with the factor by which those above scale it; none below those where it ends."""
     visited: set[int] = set()
     pending = [(root, 1.0)]
     while pending:
@@ -333,18 +345,15 @@ def thinnest(root: Node) -> tuple[Node, float] | None:
         if id(node) in visited:
             continue
         visited.add(id(node))
-        if node.placed_as == "stretch" and node.facts.spread > FLAT and not node.facts.empty:
-            found.append((factor * float(np.min(node.facts.upper - node.facts.lower)), len(found), node))
+        yield node, factor
+        if ends(node):
             continue
         scaled = node.params.get("factor", node.params.get("stretch")) if node.placed_as == "scale" else None
         factor *= 1.0 if scaled is None else float(interval_of(scaled)[1])
         pending += [(child, factor) for child in node.children]
-    if not found:
-        return None
-    thickness, _, node = min(found)
-    return node, thickness
 
 
+@remembered
 def has_levels(root: Node) -> bool:
     """True if every estimate in a tree is negative somewhere in its box, so that its surface is where it is 0.
 
@@ -356,7 +365,7 @@ def has_levels(root: Node) -> bool:
     return all(_is_negative_somewhere(n) for n in estimates if all(c.exactness != "estimate" for c in n.children))
 
 
-@lru_cache(maxsize=64)
+@remembered
 def _is_negative_somewhere(node: Node) -> bool:
     lower, upper = node.bounds
     if node.facts.empty or not (np.all(np.isfinite(lower)) and np.all(np.isfinite(upper))):

@@ -601,7 +601,7 @@ BLOCK = 1 << 14
 @called_by_nodes
 def evaluate_distance(node: Node, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distances in float64; see `Node.distance`."""
-    return _in_blocks(field_of(node), points, ()).reshape(points.shape[:-1])
+    return in_blocks(field_of(node), points, ()).reshape(points.shape[:-1])
 
 
 @called_by_nodes
@@ -632,12 +632,12 @@ def undivided_field(node: Node) -> Function:
 
 def evaluate_undivided(node: Node, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Values of the field before it is divided, in float64; points has shape (N, dimension)."""
-    return _in_blocks(undivided_field(node), points, ())
+    return in_blocks(undivided_field(node), points, ())
 
 
-def evaluate_both(node: Node, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Values and gradients of the same: (N,) and (N, dimension)."""
-    found = _in_blocks(companion(undivided_field(node)), points, (points.shape[1] + 1,))
+def evaluate_both(field: Function, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Values and gradients of a field, in float64: (N,) and (N, dimension)."""
+    found = in_blocks(companion(field), points, (points.shape[1] + 1,))
     return found[:, -1], found[:, :-1]
 
 
@@ -645,7 +645,7 @@ def evaluate_both(node: Node, points: NDArray[np.float64]) -> tuple[NDArray[np.f
 def evaluate_gradient(node: Node, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Gradients in float64; see `Node.gradient`."""
     size = points.shape[-1]
-    return _in_blocks(companion(field_of(node)), points, (size + 1,))[..., :size].reshape(points.shape)
+    return in_blocks(companion(field_of(node)), points, (size + 1,))[..., :size].reshape(points.shape)
 
 
 def field_of(node: Node) -> Function:
@@ -655,7 +655,7 @@ def field_of(node: Node) -> Function:
     return node._field
 
 
-def _in_blocks(definition: Function, points: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.float64]:
+def in_blocks(definition: Function, points: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.float64]:
     """Values of a function of a point, each of `shape`, for all points in order."""
     value = evaluator_of(definition)
     flat = points.reshape(-1, points.shape[-1])

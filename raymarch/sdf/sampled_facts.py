@@ -6,7 +6,6 @@ A sample can refute a fact, it cannot prove one. The tests check the definitions
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +15,7 @@ from raymarch.expr.arrays import evaluator
 from raymarch.expr.node import const
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.node import Node
+from raymarch.sdf.same import remembered
 
 SAMPLES = 2048
 """Points in the box; as many lie in and around it, and as many close to its faces."""
@@ -63,7 +63,7 @@ def contradictions(node: Node, samples: int = SAMPLES) -> Iterator[str]:
         yield from _misplaced(node, points)
 
 
-@lru_cache(maxsize=256)
+@remembered
 def quick_contradictions(node: Node) -> tuple[str, ...]:
     """`contradictions` on fewer points, remembered for each node: the values bound at the first call count."""
     return tuple(contradictions(node, SAMPLES // 4))
