@@ -109,8 +109,9 @@ def lit_pixels(
         post=(),
         quality=scene.quality.replace(samples=1, temporal="off", lights_per_pass=None),
     )
+    known = {name: value for name, value in (params or {}).items() if name in alone.parameters}
     with Renderer(size) as renderer:
-        lit: NDArray[np.bool_] = renderer.render(alone, time, params).color.max(axis=-1) > 0.0
+        lit: NDArray[np.bool_] = renderer.render(alone, time, known).color.max(axis=-1) > 0.0
     return lit
 
 

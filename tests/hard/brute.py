@@ -138,17 +138,27 @@ def distance(tree: Tree, p: Array) -> Array:
 
 
 def _joined(kind: str, a: Array, b: Array, k: float, family: str) -> Array:
-    """A field that would be steeper than 1 is divided by its steepness, as docs/how-it-is-built.md says."""
-    slope = math.sqrt(2.0) if k and family == "circular_geometric" else 1.0
     if np.isinf(a).any() or np.isinf(b).any():  # nothing there
         k = 0.0
     if kind == "union":
-        return blended(a, b, k, family) / slope
-    return -blended(-a, -b if kind == "intersection" else b, k, family) / slope
+        return blended(a, b, k, family)
+    return -blended(-a, -b if kind == "intersection" else b, k, family)
+
+
+def steepness(tree: Tree) -> float:
+    """The largest slope of a field: the root of 2 for each geometric blend around a blend of the same kind."""
+    within = max((steepness(child) for child in children_of(tree)), default=1.0)
+    blends = len(tree) - 4 if tree[0] in ("union", "intersection", "difference") and tree[1] else 0
+    return within * math.sqrt(2.0) ** blends if blends and tree[2] == "circular_geometric" else within
 
 
 KINDS = ("camera", "shadow", "reflection")
 """Of rays."""
+
+
+def children_of(tree: Tree) -> list[Tree]:
+    """The solids that a solid is made of."""
+    return [child for child in tree[1:] if isinstance(child, tuple) and child and isinstance(child[0], str)]
 
 
 def shown(tree: Tree, rays: str) -> Tree:
@@ -160,7 +170,7 @@ def shown(tree: Tree, rays: str) -> Tree:
 
 def vacant(tree: Tree) -> bool:
     """Whether there is no solid."""
-    kind, children = tree[0], [c for c in tree[1:] if isinstance(c, tuple) and c and isinstance(c[0], str)]
+    kind, children = tree[0], children_of(tree)
     if kind == "union":
         return all(map(vacant, children))
     if kind == "intersection":
@@ -420,6 +430,7 @@ def _meet_any(part: Part, rays: Rays, left: Any) -> Met:
     """Steps of half the distance inside of the ball around the part; a change of sign is bisected."""
     n = len(rays.start)
     met = Met(np.full(n, math.inf), np.zeros(n, int), np.zeros(n, bool))
+    steep = steepness(part.tree)
     away = rays.origin - part.centre
     along = np.sum(away * rays.direction, axis=1)
     beside = np.linalg.norm(away - along[:, None] * rays.direction, axis=1)
@@ -448,7 +459,7 @@ def _meet_any(part: Part, rays: Rays, left: Any) -> Met:
         done = sure | out
         falling, last = f < last, f
         before = t
-        step = np.maximum(0.5 * np.abs(f), np.maximum(0.5 * width, 1e-4 * part.radius))
+        step = np.maximum(0.5 / steep * np.abs(f), np.maximum(0.5 * width, 1e-4 * part.radius))
         beyond = ~done & (t >= end)
         met.close[rows[beyond & ~np.isnan(entered)]] = True
         t = np.minimum(t + step, end)

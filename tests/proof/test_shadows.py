@@ -80,6 +80,17 @@ def test_a_thin_blocker_and_a_light_at_a_surface() -> None:
     assert found.count(CONTRADICTED) == 0
 
 
+def test_parameters_of_other_lights_and_of_the_sky_keep_their_values() -> None:
+    """A picture of one light has none of them."""
+    lamp = rm.PointLight((-1, rm.Param("height", 1.6, 1, 2), 1), shadow=True)
+    lit = scene(SUN, lamp).replace(sky=rm.Sky((rm.Param("red", 0.1, 0, 1), 0, 0)))
+    given = {"height": 1.2, "red": 0.5}
+    moved = rm.prove(lit, size=SIZE, shadows=True, params=given)
+    fixed = rm.prove(scene(SUN, rm.PointLight((-1, 1.2, 1), shadow=True)), size=SIZE, shadows=True)
+    for one, other in zip(moved.shadows, fixed.shadows, strict=True):
+        np.testing.assert_array_equal(one.state, other.state)
+
+
 def test_the_camera_in_a_solid_asks_for_no_shadow() -> None:
     inside = rm.Scene(rm.sphere(2.0), rm.Camera((0, 0, 1), (0, 0, 0)), [SUN])
     (found,) = rm.prove(inside, size=(16, 9), shadows=True).shadows
