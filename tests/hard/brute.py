@@ -749,8 +749,10 @@ class Brute:
         end = np.minimum(at.distance[rows], FAR * self.scale)
         rays = Rays(p[rows], at.direction[rows], start, end, base, np.full(len(rows), 8 * ULP))
         shadow = meet(self.blockers, rays, part[rows])
-        seen[rows] = ~np.isfinite(shadow.t)
-        unsure[rows] |= shadow.close
+        # What lies deep in a solid that casts shadows, and is hidden from the camera, is dark.
+        deep = np.max([-distance(each.tree, p[rows]) for each in self.blockers], axis=0, initial=0.0)
+        seen[rows] = ~np.isfinite(shadow.t) & (deep <= 4.0 * base)
+        unsure[rows] |= shadow.close | ((deep > base) & (deep <= 8.0 * base))
         return seen, unsure
 
     def _answer(self, normal: Array, view: Array, to: Array, facing: Array, values: Array) -> Array:
