@@ -58,6 +58,11 @@ def _arguments(signature: inspect.Signature, name: str, args: Sequence[Any], kwa
     return [*args, *kwargs.values()]
 
 
+def _map_among(given: Sequence[Any]) -> Any:
+    """The first texture, or value computed from textures, among some arguments; None for none."""
+    return next((each for each in given if hasattr(type(each), "computed")), None)
+
+
 def _of_arrays(function: Callable[P, Expr], called: str, legal: str, vectors: bool) -> Callable[P, Any]:
     """The function for expressions, and for arrays of numbers, or of vectors along the last axis; both broadcast."""
     signature = inspect.signature(function)
@@ -65,10 +70,10 @@ def _of_arrays(function: Callable[P, Expr], called: str, legal: str, vectors: bo
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> Any:
         given = _arguments(signature, called, args, kwargs)
+        if not vectors and (read := _map_among(given)) is not None:
+            return read.computed(function, *given)
         if builtins.any(map(_holds_expression, given)):
             return function(*args, **kwargs)
-        if not vectors and (read := next((a for a in given if hasattr(a, "computed")), None)) is not None:
-            return read.computed(function, *given)
         if (solid := next((a for a in given if hasattr(a, "complement")), None)) is not None:
             raise SceneError(f"{called} of a solid ({solid.name})", legal=OF_SOLIDS.get(called, legal))
         arrays = [numbers(f"{called}: argument", linear_color(f"{called}: argument", a, legal), legal) for a in given]
@@ -235,6 +240,8 @@ def where(condition: Any, a: Operand, b: Operand) -> Any:
     >>> rm.where(True, 1, 2)
     1.0
     """
+    if (read := _map_among((condition, a, b))) is not None:
+        return read.computed(v.where, condition, a, b)
     if isinstance(condition, Expr):
         return v.where(condition, a, b)
     if not isinstance(condition, bool | np.bool_) and not (

@@ -5,15 +5,15 @@ from __future__ import annotations
 import operator
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import Any, Self, TypeAlias
 
 from raymarch.errors import SceneError
 from raymarch.expr.colors import linear_color
 from raymarch.expr.node import Expr
-from raymarch.expr.types import FLOAT
+from raymarch.expr.types import BOOL, FLOAT
 from raymarch.sdf.domain import as_operand
 
-Operator: TypeAlias = Callable[[Any, Any], Any]
+Operator: TypeAlias = Callable[..., Any]
 
 SYMBOLS: dict[Callable[..., Any], str] = {
     operator.add: "+",
@@ -21,6 +21,10 @@ SYMBOLS: dict[Callable[..., Any], str] = {
     operator.mul: "*",
     operator.truediv: "/",
     operator.pow: "**",
+    operator.lt: "<",
+    operator.le: "<=",
+    operator.gt: ">",
+    operator.ge: ">=",
 }
 LEGAL = "a texture, a number, a parameter or a colour"
 
@@ -30,6 +34,11 @@ def _both_ways(compute: Operator) -> tuple[Callable[..., MapExpression], Callabl
     return lambda self, other: MapExpression(compute, self, other), lambda self, other: MapExpression(
         compute, other, self
     )
+
+
+def _compared(compare: Operator) -> Callable[..., MapComparison]:
+    """The method of a comparison."""
+    return lambda self, other: MapComparison(compare, self, other)
 
 
 class MapValue(ABC):
@@ -58,6 +67,8 @@ class MapValue(ABC):
     __truediv__, __rtruediv__ = _both_ways(operator.truediv)
     __pow__, __rpow__ = _both_ways(operator.pow)
 
+    __lt__, __le__, __gt__, __ge__ = map(_compared, (operator.lt, operator.le, operator.gt, operator.ge))
+
     @staticmethod
     def computed(function: Callable[..., Any], *given: Any) -> MapExpression:
         """A function of `raymarch` of maps, numbers and colours, such as `rm.max(picture, 0.1)`."""
@@ -65,6 +76,15 @@ class MapValue(ABC):
 
     def __neg__(self) -> MapExpression:
         return -1.0 * self
+
+    def __pos__(self) -> Self:
+        return self
+
+    def __abs__(self) -> MapExpression:
+        return MapExpression(operator.abs, self)
+
+    def __bool__(self) -> bool:
+        raise SceneError(f"{self!r} has no truth value", legal="rm.where(texture < 0.5, a, b)")
 
 
 class MapExpression(MapValue):
@@ -93,13 +113,22 @@ class MapExpression(MapValue):
 
     def number(self, p: Expr) -> Expr:
         for given in self._operands:
-            if isinstance(given, Expr) and given.type is not FLOAT:
+            if isinstance(given, Expr) and given.type not in (FLOAT, BOOL):
                 raise SceneError(f"a texture in arithmetic with a {given.type}", legal="numbers, for one number")
         return self._of([given.number(p) if isinstance(given, MapValue) else given for given in self._operands])
 
     def _of(self, values: list[Expr]) -> Expr:
         made: Expr = self._compute(*values)
         return made
+
+
+class MapComparison(MapExpression):
+    """A comparison of the numbers of textures, for `rm.where(texture < 0.5, a, b)`."""
+
+    __slots__ = ()
+
+    def color(self, p: Expr) -> Expr:
+        return self.number(p)
 
 
 def _constant(given: Any) -> Expr:

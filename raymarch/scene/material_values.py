@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from os import PathLike, fspath
 from pathlib import Path
@@ -94,8 +94,10 @@ STEPS = 65
 
 def _check_texels(what: str, made: Expr, low: float, high: float) -> None:
     """SceneError for arithmetic of textures that leaves its range for values that they have. Between texels a texture
-    takes all values; two textures are taken to be independent."""
-    reads = list(find([made], "texture"))
+    takes all values; two textures are taken to be independent. Three projections take the values of one, because their
+    weights add up to 1."""
+    reads, apart = _independent(find([made], "texture"))
+    made = substitute([made], {r: const(np.zeros(r.type.shape)) for r in apart})[0]
     if not 0 < len(reads) <= 4 or POSITION in free_variables(
         substitute([made], {r: const(np.zeros(r.type.shape)) for r in reads})[0:1]
     ):
@@ -113,6 +115,21 @@ def _check_texels(what: str, made: Expr, low: float, high: float) -> None:
     slack = 1e-6 * max(abs(least), abs(most))
     if not low - slack <= least <= most <= high + slack:
         raise SceneError(f"{what}: the function gives values from {least:.4g} to {most:.4g}", legal=_ends(low, high))
+
+
+def _independent(reads: Iterable[Expr]) -> tuple[list[Expr], list[Expr]]:
+    """Readings of textures that take their values independently, and the others: two of three projections, whose
+    weights are 0 where that of the first is 1. None are independent if a texture is projected at several places."""
+    found: list[Expr] = []
+    projected: dict[Any, list[Expr]] = {}
+    for read in reads:
+        if read.args[-1].is_constant:
+            found.append(read)
+        else:
+            projected.setdefault(read.data, []).append(read)
+    if any(len(each) != 3 for each in projected.values()):
+        return [], []
+    return [*found, *(each[0] for each in projected.values())], [r for each in projected.values() for r in each[1:]]
 
 
 def _ends(low: float, high: float) -> str:

@@ -140,7 +140,17 @@ def test_a_number_of_a_material_may_be_computed_from_maps(name: str) -> None:
         (half * grey**2, half * numbers**2),
         (-grey + 1.0, -1.0 * numbers + 1.0),
         (0.5 * (grey + red), 0.5 * (numbers + red.number(POSITION))),
+        (+grey * 1.0, 1.0 * numbers),
+        (abs(grey - half), abs(numbers - half)),
+        (rm.where(grey < 0.5, 0.2, grey), rm.where(numbers < 0.5, 0.2, numbers)),
+        (rm.where(grey <= 0.3, half, 0.8), rm.where(numbers <= 0.3, half, 0.8)),
+        (rm.max(grey, half), rm.max(numbers, half)),
+        (rm.mix(half, 0.9, grey), rm.mix(half, 0.9, numbers)),
+        (rm.where(half < 0.4, grey, 0.5), rm.where(half < 0.4, numbers, 0.5)),
+        (rm.smoothstep(0.2, 0.8, grey) * (0.6 + 0.2 * rm.sin(rm.time)), None),
     ]:
+        if wanted is None:
+            wanted = rm.smoothstep(0.2, 0.8, numbers) * (0.6 + 0.2 * rm.sin(rm.time))
         made = rm.Material(albedo=(1, 1, 1), **{name: given})
         assert getattr(made, name) is rm.clamp(wanted, 0.0, 1.0)
         assert made.replace(ior=1.3).replace(ior=1.5) == made.replace(ior=1.5)
@@ -151,6 +161,31 @@ def test_colours_are_computed_from_maps_in_linear_rgb() -> None:
     made = rm.Material(color=picture * grey * (1, 0.5, 0.25) + 0.1)
     assert made.color is rm.clamp(picture(POSITION) * grey(POSITION) * rm.vec3(1, 0.5, 0.25) + 0.1, 0.0, 1.0)
     assert rm.Material(ior=1 + grey, transmission=1).ior is rm.clamp(1 + grey.number(POSITION), 1.0, 4.0)
+
+
+def test_arithmetic_of_three_projections_has_the_range_of_the_picture() -> None:
+    """The weights of the projections add up to 1: what is legal for a picture is legal for three."""
+    three = rm.triplanar(np.array([[0.2, 0.9], [0.4, 0.6]]))
+    for name in NUMBERS:
+        rm.Material(albedo=(1, 1, 1), **{name: three / 0.9})
+        with pytest.raises(rm.SceneError, match=f"{name}: .* gives values from 0[.3-9]* to 1.8"):
+            rm.Material(albedo=(1, 1, 1), **{name: 2 * three})
+    for value in (three * 0.5, 1 - three, three * three, three + 0.1, (three * rm.planar(FOUR)) / 0.9):
+        rm.Material(color=value, roughness=value)
+        rm.Material(shininess=1 + value, specular=value, ambient=value, emission=value)
+    with pytest.raises(rm.SceneError, match=r"color: .* from -0.[45]\d* to 0.2"):
+        rm.Material(color=0.4 - three)
+
+
+def test_colours_are_chosen_by_comparison_of_maps() -> None:
+    grey = rm.planar(FOUR)
+    made = rm.Material(color=rm.where(grey < 0.5, "red", (0, 0, 1))).color
+    assert made is rm.clamp(rm.where(grey.number(POSITION) < 0.5, rm.vec3(1, 0, 0), rm.vec3(0, 0, 1)), 0.0, 1.0)
+    for wrong, words in (
+        (lambda: rm.Material(roughness=grey < 0.5), ["roughness", "bool"]),
+        (lambda: rm.Material(roughness=0.2 if grey < 0.5 else 0.8), ["no truth value", "rm.where"]),
+    ):
+        refused(wrong, *words)
 
 
 def refusals() -> list[tuple[Any, list[str]]]:
