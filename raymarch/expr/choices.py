@@ -46,18 +46,27 @@ def merge_calls(roots: Sequence[Expr], saving: Saving) -> list[Expr]:
 
 
 def _merged_inside_out(roots: Sequence[Expr], saving: Saving) -> list[Expr]:
-    """Each tree of choices merged on its own, those in the leaves of others first."""
-    done: dict[Expr, Expr] = {}
-    calling: dict[Expr, bool] = {}
+    """Each tree of choices merged on its own."""
+    return changed_inside_out(
+        roots, lambda node: node.op == "call" and saving(node.data) > 0, lambda tree: _merge_in(tree, saving)
+    )
 
-    def calls(node: Expr) -> bool:
-        return any(calling[arg] for arg in node.args) or (node.op == "call" and saving(node.data) > 0)
+
+def changed_inside_out(
+    roots: Sequence[Expr], concerned: Callable[[Expr], bool], change: Callable[[Expr], Expr]
+) -> list[Expr]:
+    """The roots with each tree of choices above a concerned expression changed, those in the leaves of others first."""
+    done: dict[Expr, Expr] = {}
+    above: dict[Expr, bool] = {}
+
+    def is_above(node: Expr) -> bool:
+        return any(above[arg] for arg in node.args) or concerned(node)
 
     def chosen(value: Expr) -> Expr:
-        if value.op != "where" or not attribute(value, calling, calls):
+        if value.op != "where" or not attribute(value, above, is_above):
             return value
         if value not in done:
-            done[value] = _merge_in(value, saving)
+            done[value] = change(value)
         return done[value]
 
     def rule(node: Expr, args: tuple[Expr, ...]) -> Expr:
@@ -107,7 +116,7 @@ def _merge_in(tree: Expr, saving: Saving) -> Expr:
         if distinct < 2:
             continue
         given = {leaf: call.args for leaf, call in by_leaf.items()}
-        args = fold_choices(order, given.get, if_both(_where_each))  # a leaf without the call takes any
+        args = fold_choices(order, given.get, if_both(where_each))  # a leaf without the call takes any
         assert args is not None
         if _selections(args) >= (distinct - 1) * saving(definition):
             continue
@@ -117,7 +126,7 @@ def _merge_in(tree: Expr, saving: Saving) -> Expr:
     return fold_choices(order, new.__getitem__, where)
 
 
-def _where_each(condition: Expr, yes: tuple[Expr, ...], no: tuple[Expr, ...]) -> tuple[Expr, ...]:
+def where_each(condition: Expr, yes: tuple[Expr, ...], no: tuple[Expr, ...]) -> tuple[Expr, ...]:
     return tuple(where(condition, a, b) for a, b in zip(yes, no, strict=True))
 
 
@@ -164,7 +173,7 @@ def _path_args(node: Expr, definition: Function, known: dict[Expr, bool], used: 
             return True
     yes, no = found
     if isinstance(yes, tuple) and isinstance(no, tuple):
-        return _where_each(condition, yes, no)
+        return where_each(condition, yes, no)
     return yes or no
 
 

@@ -48,5 +48,8 @@ def suspect_degrees(what: str, angle: Any, unit: str = "radians") -> None:
 def suspect_radians(what: str, angle: Any) -> None:
     """A SceneWarning for a number of degrees that is likely an angle in radians."""
     given = _number(angle)
-    if given is not None and (given in TENTHS or any(abs(given - math.radians(n)) < 1e-9 for n in WHOLE)):
+    if given is None:
+        return
+    whole = round(math.degrees(given))
+    if given in TENTHS or (whole in WHOLE and abs(given - math.radians(whole)) < 1e-9):
         _warn_once(what, f"{what} = {given:g} degrees sees almost nothing (for radians, math.degrees({given:g}))")

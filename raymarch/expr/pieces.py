@@ -83,12 +83,12 @@ def wrap(piece: Piece, binding: int) -> Piece:
 
 def depth_of(pieces: Sequence[Piece]) -> int:
     """The nesting of a text that is made of some pieces."""
-    return 1 + max((p.depth for p in pieces), default=0)
+    return 1 + max([p.depth for p in pieces], default=0)
 
 
 def call_text(name: str, pieces: Sequence[Piece], sources: Sequence[Expr]) -> Piece:
     """A call of a function."""
-    text = f"{name}({', '.join(p.text for p in pieces)})"
+    text = f"{name}({', '.join([p.text for p in pieces])})"
     return Piece(text, ATOM, depth_of(pieces), Breaks("call", name, tuple(pieces), tuple(sources)))
 
 

@@ -10,11 +10,11 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from raymarch.expr.atlas import Atlas, Place, shelved
-from raymarch.expr.choices import fold_choices, if_both, sides
+from raymarch.expr.choices import changed_inside_out, fold_choices, if_both, sides, where_each
 from raymarch.expr.node import Expr, const
 from raymarch.expr.textures import texture_in_atlas
 from raymarch.expr.vocabulary import vec2, vec4, where
-from raymarch.expr.walk import attribute, find, rebuild, rewrite, substitute, topological
+from raymarch.expr.walk import find, rebuild, substitute, topological
 
 FEW = 8
 """Up to this number of pictures, each keeps its own texture: texture units filter it in hardware, and a look-up of each
@@ -27,24 +27,9 @@ def merge_reads(roots: Sequence[Expr]) -> list[Expr]:
     places = shelved(pictures) if len(pictures) > FEW else {}
     if not places:
         return list(roots)
-    reading: dict[Expr, bool] = {}
-    done: dict[Expr, Expr] = {}
-
-    def reads(node: Expr) -> bool:
-        return any(reading[arg] for arg in node.args) or (node.op == "texture" and node.data.name in places)
-
-    def chosen(value: Expr) -> Expr:
-        if value.op != "where" or not attribute(value, reading, reads):
-            return value
-        if value not in done:
-            done[value] = _merged(value, places)
-        return done[value]
-
-    def rule(node: Expr, args: tuple[Expr, ...]) -> Expr:
-        return rebuild(node, args if node.op == "where" else tuple(map(chosen, args)))
-
-    new = rewrite(roots, rule)
-    return [chosen(new[root]) for root in roots]
+    return changed_inside_out(
+        roots, lambda node: node.op == "texture" and node.data.name in places, lambda tree: _merged(tree, places)
+    )
 
 
 def _merged(tree: Expr, places: Mapping[str, Place]) -> Expr:
@@ -78,16 +63,13 @@ def _one_read(order: Sequence[Expr], atlas: Atlas, by_leaf: Mapping[Expr, Expr],
         place, given = places[by_leaf[leaf].data.name], by_leaf[leaf].args[:3]
         return vec4(*place.corner, *place.picture.size), vec2(*place.kind), *given
 
-    def chosen(condition: Expr, yes: tuple[Expr, ...], no: tuple[Expr, ...]) -> tuple[Expr, ...]:
-        return tuple(where(condition, a, b) for a, b in zip(yes, no, strict=True))
-
     def weight(leaf: Expr) -> Expr:
         return by_leaf[leaf].args[3] if leaf in by_leaf else const(0.0)
 
     def weighed(condition: Expr, yes: Expr, no: Expr) -> Expr:
         return where(condition, _where_known(yes, condition, True), _where_known(no, condition, False))
 
-    found = fold_choices(order, args, if_both(chosen))
+    found = fold_choices(order, args, if_both(where_each))
     assert found is not None
     place, kind, at, duvdx, duvdy = found
     return texture_in_atlas(atlas, place, kind, at, duvdx, duvdy, fold_choices(order, weight, weighed))

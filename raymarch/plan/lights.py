@@ -145,8 +145,8 @@ def _table(of: _Lights) -> LightTable:
         ]
         if head:
             fixed[i, :2] = numbers[form], ordered.index(shadow) + 1 if shadow else 0
-            radius = _of_some(light, "shadow_radius", None)
-            given += [(2, light.disc_width), *([] if radius is None else [(3, radius)])]
+            given += [(2, light.disc_width)]
+            given += [] if light.shadow_radius is None else [(3, light.shadow_radius)]
         reached = () if light.reach is None else zip((0, 3), light.reach, strict=True)
         for numbers_of, changing, pairs in ((fixed, varied, given), (balls, moving, reached)):
             for first, value in pairs:
@@ -190,19 +190,13 @@ def key(light: Light) -> Key:
     visible."""
     methods = {"sample_direction", "eval_direction", "pdf_direction", "eval_ray"}
     kind = next(cls for cls in type(light).__mro__ if not methods.isdisjoint(vars(cls)))
-    return kind, tuple(light.emitter_values()), _of_some(light, "visible", False)
+    return kind, tuple(light.emitter_values()), light.visible
 
 
 def _spelled(of: Key) -> tuple[str, str, tuple[str, ...], bool]:
     """A key as names, by which keys are sorted."""
     kind, names, shown = of
     return kind.__module__, kind.__qualname__, names, shown
-
-
-def _of_some(light: Light, name: str, other: Any) -> Any:
-    """A value that only some classes of lights have, else another one. A light that lacks it looks for similar names,
-    which takes long."""
-    return getattr(light, name) if hasattr(type(light), name) else other
 
 
 Signature: TypeAlias = tuple[Key, str | None, bool, bool, bool]
@@ -212,8 +206,7 @@ Signature: TypeAlias = tuple[Key, str | None, bool, bool, bool]
 def signature(light: Light) -> Signature:
     """What the text of a loop over rows depends on: the form, the kind of shadow, and whether the light is soft, is cut
     by a horizon, and has a shadow radius."""
-    radius = _of_some(light, "shadow_radius", None) is not None
-    return key(light), shadow_of(light), light.soft, light.cut_by_horizon, radius
+    return key(light), shadow_of(light), light.soft, light.cut_by_horizon, light.shadow_radius is not None
 
 
 def visible(scene: Scene) -> list[Light]:

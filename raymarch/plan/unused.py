@@ -82,7 +82,7 @@ def _shadows(scene: Scene) -> Iterator[Doubt]:
         size = "radius" if isinstance(light, PointLight) else "softness"
         given = {size: not is_zero(light.softness) and not isinstance(light, SphereLight)}
         given |= {"penumbra": light.penumbra != "two-sided" and not has_area(light)}
-        given |= {"shadow_radius": getattr(light, "shadow_radius", None) is not None}
+        given |= {"shadow_radius": light.shadow_radius is not None}
         for option in (option for option, is_given in given.items() if is_given):
             if not light.shadow:
                 yield _doubt(f"{name}({option}=...) has no effect without shadow=True", of=light)
@@ -97,7 +97,7 @@ def _shadows(scene: Scene) -> Iterator[Doubt]:
 
 def _emissive_at_lights(scene: Scene) -> Iterator[Doubt]:
     """Emissive solids at the place of a light: they hide it, or light the scene a second time."""
-    areas = [light for light in scene.lights if getattr(light, "visible", True) is False]
+    areas = [light for light in scene.lights if "visible" in light.arguments() and not light.visible]
     areas = [light for light in areas if light.has_position and light.arguments()["position"].is_constant]
     if not areas or not any(m.emits for m in scene.materials):
         return

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, cast
 
 import numpy as np
 
@@ -238,8 +238,9 @@ class Light(Part):
     softness: Expr
     penumbra: str
 
-    LABEL: ClassVar[str] = "lights"
-    """What `explain` calls lights of this kind."""
+    LABEL: ClassVar[str] = "lights"  # what `explain` calls lights of this kind
+    visible = False  # whether rays show the light; see `eval_ray`
+    shadow_radius = cast("Expr | None", None)  # the distance from the light beyond which surfaces receive no shadow
 
     def __init__(self, color: ColorLike, intensity: Scalar, shadow: bool, softness: Scalar, penumbra: str) -> None:
         name = type(self).__name__
@@ -286,7 +287,7 @@ class Light(Part):
     def eval_ray(values: Mapping[str, Expr], p: Expr, direction: Expr) -> RayHit | None:
         """The first point of the light on a ray from a point p in a unit direction. None for a light without an area.
 
-        A light with an attribute `visible` that is True is shown by it.
+        A light that is `visible` is shown by it.
         """
         return None
 
@@ -752,9 +753,8 @@ def density_of(light: Light, values: Mapping[str, Expr] | None = None) -> tuple[
 
 
 def has_disc(light: Light, bounces: bool) -> bool:
-    """True if random points of a light's disc cast its shadow. bounces : whether rays bounce: then those of a visible
-    light do, so that mirrors show its disc."""
-    return light.soft and (light.penumbra == "sampled" or (bounces and getattr(light, "visible", False)))
+    """True if random points of a disc cast its shadow: where rays bounce, of visible lights, as mirrors show them."""
+    return light.soft and (light.penumbra == "sampled" or (bounces and light.visible))
 
 
 def ray_hit_of(light: Light, values: Mapping[str, Expr]) -> RayHit | None:
@@ -762,7 +762,7 @@ def ray_hit_of(light: Light, values: Mapping[str, Expr]) -> RayHit | None:
 
     values : stand for its `emitter_values`.
     """
-    return light.eval_ray(values, POINT, DIRECTION) if getattr(light, "visible", False) else None
+    return light.eval_ray(values, POINT, DIRECTION) if light.visible else None
 
 
 def hard(light: Light) -> Light:

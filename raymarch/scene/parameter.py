@@ -181,8 +181,11 @@ class Values:
 
     def of(self, value: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
         """A number, vector or expression of parameters and time, in float64."""
+        given = expr(value)
+        if given.is_constant:
+            return np.asarray(given.data, np.float64)
         with bound(self.params, self.time):
-            return np.asarray(value_of(expr(value)), np.float64)
+            return np.asarray(value_of(given), np.float64)
 
 
 def set_values(

@@ -65,7 +65,7 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan, reflec
 
     form, shadow = lights.table(scene).forms[lights.key(light)], lights.shadow_of(light)
     given = [value(name, of) for name, of in light.emitter_values().items()]
-    radius, cut, width = getattr(light, "shadow_radius", None), light.cut_by_horizon, ""
+    radius, cut, width = light.shadow_radius, light.cut_by_horizon, ""
     if light.soft or cut:
         width = value("softness", light.disc_width) + " / light.distance" * light.has_position
     near = "" if radius is None or shadow is None else f"light.distance < {value('shadow_radius', radius)}"
@@ -409,7 +409,7 @@ def _rows(plan: Plan, ending: bool) -> _Group:
     several = plan.lights_split and lights.stride(scene) > 1
     skip = [_if([sampled, "place < begin"], "continue;")] * several  # the only sample may have been added before
     skip += ["if (ends && light.radiance == vec3(0.0)) break;"] * ending
-    limited = any(getattr(light, "shadow_radius", None) is not None for light in scene.lights)
+    limited = any(light.shadow_radius is not None for light in scene.lights)
     return _Group(
         forms,
         kinds,
