@@ -270,17 +270,20 @@ def _samples(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator
     shader = history.mean.text, ready.constants
     known = reprojected and history.earlier.shader == shader and not _is_cut(earlier, camera, uniforms["u_far"])
     cameras = {f"u_before_{name}": value for name, value in earlier.items()} if reprojected else {}
+    rests = all(content(earlier[name]) == content(value) for name, value in camera.items())
     for _ in range(rest):
         still, number = history.mean.samples > 0, begin + history.mean.samples
+        index = number if still or not known else history.earlier.frames
         then = drawing.at(moment(number)) if drawing.at is not None else None
         own = {
             **({} if then is None else then.uniforms),
             **cameras,
             "footprint_pixels": ready.plan.scene.quality.footprint_of(number),
-            "u_jitter": r2(number) if still or not known else halton(history.earlier.frames % PERIOD),
-            "u_sample": number if still or not known else history.earlier.frames,
+            "u_jitter": r2(index) if index == number or rests else halton(index % PERIOD),
+            "u_sample": index,
             "u_keep": still or known,
             "u_still": still,
+            "u_camera_rests": rests,
         }
         changed = known and not still and any(p.changed for p in passes) and _changed(ready, uniforms, history)
         before = {f"u_now_{name}": value for name, value in camera.items()} if changed else None
@@ -333,7 +336,7 @@ CAMERA = {
 """The uniforms of the camera."""
 
 PERIOD = 16
-"""Period of the jitter of a moving picture, in samples: about the length of its history."""
+"""Period of the jitter of a moving camera, in samples: about the length of its history."""
 
 
 def _is_cut(before: Mapping[str, Any], camera: Mapping[str, Any], far: float) -> bool:

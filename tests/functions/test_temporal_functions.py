@@ -341,6 +341,103 @@ def test_a_poisoned_surface_is_not_known_again(egl: Context, component: int, poi
         assert not seen(egl, through([(4, 3), (0.5, 5.5)]), sky, history=history)[:, 0].any()
 
 
+# Pixels at rest.
+
+AT_REST = """
+void main() {
+    ivec2 at = ivec2(gl_FragCoord.xy);
+    c = vec4(moves_around(at) ? 1.0 : 0.0, has_stayed(at, u_way) ? 1.0 : 0.0, 0.0, 0.0);
+}
+"""
+WAY = (0.0, 0.6, -0.8)
+
+
+def at_rest(egl: Context, was: np.ndarray, now: np.ndarray, moved: Any = None) -> tuple[np.ndarray, np.ndarray]:
+    """Whether something around each pixel moves, and whether all that was around has stayed."""
+    ways = "uniform vec3 u_way;\nuniform sampler2D u_ways;\n"
+    ways += "vec3 motion_vector(ivec2 at) { return texelFetch(u_ways, at, 0).xyz; }\n"
+    before = OUT + "uniform sampler2D u_history;\n" + ways
+    text = modules("temporal/finite", "temporal/reproject", "temporal/rest", before=before, after=AT_REST)
+    given = {"u_surface": now, "u_history_surface": was, "u_way": WAY}
+    given["u_ways"] = np.zeros_like(now) if moved is None else moved
+    found = draw(egl, text, now.shape[1::-1], given)[0] > 0.5
+    return found[..., 0], found[..., 1]
+
+
+def floor_with(*others: tuple[tuple[Any, ...], tuple[float, ...]]) -> np.ndarray:
+    """A picture of a surface that faces z, and others at some pixels."""
+    made = np.broadcast_to(np.float32(facing("z", 5.0)), (8, 10, 4)).copy()
+    for at, texel in others:
+        made[at] = texel
+    return made
+
+
+BALL = facing("z", 4.0, 2.0)
+NEAR = np.zeros((8, 10), bool)
+NEAR[2:5, 3:6] = True
+
+
+def test_motion_of_one_pixel_counts_in_the_nine_around_it(egl: Context) -> None:
+    moved = np.zeros((8, 10, 4))
+    moved[3, 4, 1] = 1e-6
+    assert np.array_equal(at_rest(egl, floor_with(), floor_with(), moved)[0], NEAR)
+
+
+@pytest.mark.parametrize("poison", [np.nan, np.inf])
+@pytest.mark.parametrize("component", range(4))
+def test_a_poisoned_surface_has_not_stayed(egl: Context, component: int, poison: float) -> None:
+    was = floor_with()
+    was[3, 4, component] = poison
+    assert np.array_equal(at_rest(egl, was, floor_with())[1], ~NEAR)
+
+
+@pytest.mark.parametrize("gone", [BALL, SKY, facing("z", 5.0, 2.0), facing("z", 4.0), facing("z", 6.5)])
+def test_what_has_gone_is_missed_around_it(egl: Context, gone: tuple[float, ...]) -> None:
+    """Another material, the sky, something nearer or farther."""
+    assert np.array_equal(at_rest(egl, floor_with(((3, 4), gone)), floor_with())[1], ~NEAR)
+    assert at_rest(egl, floor_with(), floor_with(((3, 4), gone)))[1].all(), "what comes is seen by its colour"
+
+
+def test_what_is_a_pixel_away_has_stayed_unless_it_moved_there(egl: Context) -> None:
+    was = floor_with(((3, 4), BALL))
+    for beside in ((3, 5), (2, 3), (4, 4)):
+        now = floor_with((beside, BALL))
+        assert at_rest(egl, was, now)[1].all()
+        moved = np.zeros((8, 10, 4))
+        moved[beside] = 1e-3
+        assert np.array_equal(at_rest(egl, was, now, moved)[1], ~NEAR)
+    assert not at_rest(egl, was, floor_with(((3, 6), BALL)))[1][NEAR].any()
+
+
+def test_at_the_edge_of_the_picture_something_may_be_beside_it(egl: Context) -> None:
+    for at in ((0, 4), (7, 4), (3, 0), (3, 9)):
+        assert at_rest(egl, floor_with((at, BALL)), floor_with())[1].all()
+
+
+def test_parts_of_a_grazing_surface_are_one_whatever_their_distance(egl: Context) -> None:
+    """The ground at the horizon, but not another material there, nor what faces elsewhere, nor what is seen steeply."""
+    grazing = (0.0, 1.0, 0.0)
+    far, near = facing("z", 90.0), facing("z", 20.0)
+    picture = np.broadcast_to(np.float32(far), (8, 10, 4)).copy()
+    text = OUT + "uniform sampler2D u_history;\nvec3 motion_vector(ivec2 at) { return vec3(0.0); }\n"
+    made = modules("temporal/finite", "temporal/reproject", "temporal/rest", before=text).replace(OUT, "")
+    cases = [
+        (near, far, grazing, True),
+        (near, far, (0.0, 0.995, -0.0999), True),
+        (near, far, (0.0, 0.99, -0.11), False),
+        (facing("z", 20.0, 2.0), far, grazing, False),
+        (facing("x", 20.0), far, grazing, False),
+        (SKY, far, grazing, False),
+        (far, SKY, grazing, False),
+        (SKY, SKY, grazing, True),
+    ]
+    was, now, way, known = zip(*cases, strict=True)
+    given = [(VEC4, was), (VEC4, now), (VEC3, way)]
+    found = run(egl, made, "is_part({0}, {1}, {2}) ? 1.0 : 0.0", given)
+    assert [bool(part) for part in found] == list(known)
+    assert at_rest(egl, picture, picture)[1].all()
+
+
 # The pass that joins them.
 
 STAND_INS = """
@@ -359,7 +456,12 @@ bool find_in_history(vec4 surface, vec3 position, vec3 direction, out vec2 pixel
 vec4 history_at(vec2 pixel) { return texelFetch(u_history, ivec2(pixel), 0); }
 vec3 clipped(vec3 color) { return u_nearest ? asked_for.xyw : color; }
 vec3 motion_vector(ivec2 at) { return vec3(0.0); }
-float samples_kept(ivec2 at, float most) { return most; }
+uniform float u_most;
+float samples_kept(ivec2 at, float most) { return min(most, u_most); }
+uniform bool u_moves;
+uniform bool u_stayed;
+bool moves_around(ivec2 at) { return u_moves; }
+bool has_stayed(ivec2 at, vec3 direction) { return u_stayed; }
 vec4 filter_sample(ivec2 at, vec4 color, vec2 jitter, float share) { return color; }
 """
 
@@ -368,7 +470,8 @@ def resolved(egl: Context, color: np.ndarray, history: np.ndarray, **given: Any)
     """Colour with its count, and surface."""
     before = "uniform bool u_nearest;\n" + STAND_INS
     text = modules("temporal/finite", "temporal/resolve", before=before)
-    values = {"u_color": color, "u_history": history, "u_keep": True, "u_still": False, "u_known": True, **given}
+    values = {"u_color": color, "u_history": history, "u_keep": True, "u_still": False, "u_known": True, "u_most": 1e9}
+    values |= {"u_camera_rests": False, "u_moves": False, "u_stayed": True, **given}
     values.setdefault("u_surface", np.broadcast_to(np.float32(SKY), color.shape))
     return draw(egl, text, color.shape[1::-1], values, 2)
 
@@ -388,7 +491,8 @@ def test_surfaces_around_that_are_nearer_tell_where_an_edge_was(egl: Context) ->
 
 
 def test_samples_that_are_joined_are_their_mean(egl: Context) -> None:
-    """A moving picture forgets all but ten, a still one nothing; what was not seen, or is not to be kept, is new."""
+    """A moving pixel forgets all but ten, one at rest nothing. What was not seen, has gone or is not to be kept is new.
+    Where light changes, as much is kept as there."""
     counts = np.array([[0.0, 1, 9, 10, 11, 1000]])
     history = np.stack([counts * 0 + 8, counts * 0, counts * 0 + 2, counts], axis=-1)
     color = np.broadcast_to(np.float32((0, 4, 2, 1)), history.shape)
@@ -397,6 +501,14 @@ def test_samples_that_are_joined_are_their_mean(egl: Context) -> None:
         ({}, moving),
         ({"u_still": True}, counts),
         ({"u_known": False}, 0 * counts),
+        ({"u_camera_rests": True}, counts),
+        ({"u_camera_rests": True, "u_known": False}, counts),
+        ({"u_camera_rests": True, "u_moves": True}, moving),
+        ({"u_camera_rests": True, "u_stayed": False}, 0 * counts),
+        ({"u_camera_rests": True, "u_stayed": False, "u_moves": True}, moving),
+        ({"u_camera_rests": True, "u_most": 3.0}, np.minimum(counts, 3)),
+        ({"u_camera_rests": True, "u_most": 12.0}, np.minimum(counts, 12)),
+        ({"u_most": 3.0}, np.minimum(counts, 3)),
         ({"u_keep": False}, 0 * counts),
         ({"u_keep": False, "u_still": True}, 0 * counts),
     ):

@@ -1,14 +1,16 @@
-// Pass: the new sample of each pixel blended with the history. While the picture does not change, the mean of all
-// samples. While the camera moves, the history is fetched from the previous position of the point, if the point was
-// visible; it is clipped to the colours around the new sample, and old samples lose weight after some frames.
+// Pass: the new sample of each pixel blended with the history. The mean of all samples while the picture does not
+// change, and where a pixel does not change while others do. Elsewhere the history is fetched from the previous
+// position of the point, if the point was visible; it is clipped to the colours around the new sample, and old samples
+// lose weight after some frames.
 layout(location = 0) out vec4 out_color;  // alpha counts the samples
 layout(location = 1) out vec4 out_surface;
 
 uniform bool u_keep;  // false if the history shows another scene
 uniform bool u_still;  // true if nothing changed since the history
+uniform bool u_camera_rests;  // true if the camera is that of the history
 uniform vec2 u_jitter;
 
-const float MEMORY = 10.0;  // largest number of samples that a moving picture keeps
+const float MEMORY = 10.0;  // largest number of samples that a moving pixel keeps
 
 // The pixel around with the nearest surface: an edge moves with the surface in front.
 ivec2 nearest_around(ivec2 at) {
@@ -28,26 +30,37 @@ ivec2 nearest_around(ivec2 at) {
     return nearest;
 }
 
+// The history of the point that a pixel shows, with at most so many samples. Neighbours of what moves move with it, as
+// edges do.
+vec4 followed(ivec2 at, Ray ray, vec3 motion, ivec2 nearest, float most) {
+    vec2 pixel;
+    vec4 surface = texelFetch(u_surface, nearest, 0);
+    if (!find_in_history(surface, ray.origin + motion, ray.direction, pixel)) return vec4(0.0);
+    // the sample is jittered off the pixel's centre, and so is its previous position
+    vec4 seen = history_at(pixel - u_jitter);
+    return finite(seen) ? vec4(clipped(seen.rgb), min(seen.a, most)) : vec4(0.0);
+}
+
 void main() {
     ivec2 at = ivec2(gl_FragCoord.xy);
     vec4 color = texelFetch(u_color, at, 0);
     vec4 surface = texelFetch(u_surface, at, 0);
     if (!finite(color)) color = vec4(0.0);
     vec4 before = vec4(0.0);
-    if (u_keep && u_still) {
-        before = texelFetch(u_history, at, 0);
-    } else if (u_keep) {
+    if (u_keep) before = texelFetch(u_history, at, 0);
+    if (u_keep && !u_still) {
         Ray ray = camera_ray(PIXEL + u_jitter);
-        ivec2 nearest = nearest_around(at);
-        vec3 motion = motion_vector(nearest);
-        float kept = samples_kept(at, MEMORY);
-        vec2 pixel;
-        if (find_in_history(texelFetch(u_surface, nearest, 0), ray.origin + motion, ray.direction, pixel)) {
-            // the sample is jittered off the pixel's centre, and so is its previous position
-            vec4 seen = history_at(pixel - u_jitter);
-            if (finite(seen)) before = vec4(clipped(seen.rgb), min(seen.a, kept));
+        // A pixel at rest has a history of its own, unless something has left it.
+        bool rests = u_camera_rests && !moves_around(at);
+        if (rests && (!finite(before) || !has_stayed(at, ray.direction))) before = vec4(0.0);
+        float most = rests ? max(before.a, MEMORY) : MEMORY;
+        float kept = samples_kept(at, most);
+        if (!rests || kept < most) {
+            ivec2 nearest = nearest_around(at);
+            vec3 motion = motion_vector(nearest);
+            before = followed(at, ray, motion, nearest, rests ? min(before.a, kept) : kept);
+            if (kept < MEMORY || motion != vec3(0.0)) color = filter_sample(at, color, u_jitter, before.a / MEMORY);
         }
-        if (kept < MEMORY || motion != vec3(0.0)) color = filter_sample(at, color, u_jitter, before.a / MEMORY);
     }
     if (!finite(before)) before = vec4(0.0);
     float count = before.a + color.a;
