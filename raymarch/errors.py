@@ -169,7 +169,7 @@ _warned: dict[str, dict[Any, Any]] = {}
 class RenderError(RaymarchError):
     """Raised with `strict` for a picture that may be wrong; `str()` gives the reasons."""
 
-    def __init__(self, doubts: Sequence[str]) -> None:
+    def __init__(self, doubts: Sequence[Doubt]) -> None:
         super().__init__("; ".join(doubts))
         self.where = None  # the reasons name their own lines
         self.args = (str(self),)
@@ -179,7 +179,7 @@ class RenderWarning(UserWarning):
     """A picture that may be wrong, with the reason."""
 
 
-def warn_of_doubts(doubts: Iterable[str]) -> None:
+def warn_of_doubts(doubts: Iterable[Doubt]) -> None:
     """Emit each doubt as a RenderWarning at the user's line; by default a repeated text appears once for each line."""
     place = user_location()
     for doubt in doubts:

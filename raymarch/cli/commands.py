@@ -79,7 +79,7 @@ def _run(args: Sequence[str] | None) -> int:
     try:
         code = app(args=args, prog_name="raymarch", standalone_mode=False)
     except RaymarchError as fault:
-        errors.print(f"raymarch: {fault}")
+        errors.say(str(fault))
         return 2
     except Exception as fault:
         if not hasattr(fault, "format_message"):  # the exceptions of wrong usage have it; typer moves their classes
@@ -100,9 +100,9 @@ def _show_usage(fault: Any) -> None:
     scene = re.fullmatch(r"No such command '(.+\.py)'", text)
     if scene:
         shown = f"{scene[1]} is no command (raymarch render {scene[1]}, or raymarch view {scene[1]})"
-        errors.print(f"raymarch: {shown}")
+        errors.say(shown)
         return
-    errors.print(f"raymarch: {_hinted(text, context)} ({command} --help)")
+    errors.say(f"{_hinted(text, context)} ({command} --help)")
 
 
 def _hinted(text: str, context: Any) -> str:

@@ -30,6 +30,11 @@ class Errors(Console):
         """Print texts, each as one line without control characters."""
         super().print(*(printable(each) if isinstance(each, str) else each for each in objects), **how)
 
+    def say(self, *sentences: str) -> None:
+        """Print sentences of the program, each on a line of its own."""
+        for sentence in sentences:
+            self.print(f"raymarch: {sentence}")
+
     def _write_buffer(self) -> None:
         try:
             super()._write_buffer()

@@ -90,8 +90,7 @@ def _report(item: Item, made: Picture, renderer: Renderer, start: float) -> None
         f"{item.file}  {width}x{height}  {made.milliseconds:.1f} ms to draw ({renderer.clock.kind}), "
         f"{spent:.0f} ms in all, {renderer.context.backend}: {renderer.context.driver.renderer}"
     )
-    for doubt in made.doubts:
-        errors.print(f"raymarch: {doubt}")
+    errors.say(*made.doubts)
     for line in made.view.lines:
         typer.echo(line)
 
@@ -99,4 +98,4 @@ def _report(item: Item, made: Picture, renderer: Renderer, start: float) -> None
 def _report_joined(target: Path, what: str, start: float, parts: Parts) -> None:
     errors.print(f"{target}  {what}, {clock_time.perf_counter() - start:.1f} s to encode")
     if note := parts.finish():
-        errors.print(f"raymarch: {note}")
+        errors.say(note)

@@ -68,14 +68,15 @@ def render_on_cluster(
         cluster: Cluster[Any] = Cluster(client, resources)
         errors.print(f"{where.address}: {client.dashboard_link}")
         with counted(len(items), what) as advance:
-            for item, outcome in draw_items(cluster, source, scene, shot, items, options, _say, CommandError, parts):
+            drawn = draw_items(cluster, source, scene, shot, items, options, errors.say, CommandError, parts)
+            for item, outcome in drawn:
                 advance(cluster.log.workers)
                 if isinstance(outcome, Done):
                     if what == "frames":
                         _print(item, outcome)
                 elif outcome is not None:
                     if all(outcome.message != known.message for _, known in failed):
-                        _say(failures([(item, outcome)])[0])
+                        errors.say(failures([(item, outcome)])[0])
                     failed.append((item, outcome))
                 elif what == "frames":
                     errors.print(f"{item.file}  is already drawn")
@@ -83,7 +84,7 @@ def render_on_cluster(
         errors.print(line)
     for line in failures(failed):
         if " more cannot" in line:
-            _say(line)
+            errors.say(line)
     if failed:
         raise CommandError(f"{len(failed)} of {len(items)} {what} could not be drawn", legal="see above")
     if what == "tiles":
@@ -115,7 +116,7 @@ def cost_on_cluster(
         errors.print(f"{address}: {client.dashboard_link}")
         if timed and not cluster.alone():
             raise CommandError(f"--plot or --html without times: {SHARED}", legal="--json or --csv")
-        made = sweep_on(cluster, source, scene, settings, moment, name, repeats, seed, options, report, _say)
+        made = sweep_on(cluster, source, scene, settings, moment, name, repeats, seed, options, report, errors.say)
     spent = clock_time.perf_counter() - start
     errors.print(f"{len(settings)} settings in {spent:.1f} s on {cluster.log.workers} workers")
     return made
@@ -127,9 +128,4 @@ def _print(item: Item, done: Done) -> None:
         f"{item.file}  {width}x{height}  {done.milliseconds:.1f} ms to draw, {1e3 * done.seconds:.0f} ms in all, "
         f"{done.worker}"
     )
-    for doubt in done.doubts:
-        errors.print(f"raymarch: {doubt}")
-
-
-def _say(note: str) -> None:
-    errors.print(f"raymarch: {note}")
+    errors.say(*done.doubts)

@@ -23,7 +23,7 @@ SLOW = 2.0
 @contextmanager
 def _said_if_slow(text: str) -> Iterator[None]:
     """Print a line on the error stream if the block takes longer than `SLOW`."""
-    timer = Timer(SLOW, lambda: errors.print(f"raymarch: {text}"))
+    timer = Timer(SLOW, lambda: errors.say(text))
     timer.daemon = True
     timer.start()
     try:
@@ -88,7 +88,7 @@ def run(
     finally:
         outside.close()
     if code == 2 and viewer.model.fault is not None:  # the message in the window is gone
-        errors.print(f"raymarch: {viewer.model.fault.text()}")
+        errors.say(viewer.model.fault.text())
     sys.exit(code)
 
 

@@ -21,7 +21,7 @@ from PIL import Image
 
 from raymarch.cluster.machines import Machine, libraries, package
 from raymarch.cluster.source import Source, without_folder
-from raymarch.errors import DeviceError, RaymarchError, RenderWarning, SceneError
+from raymarch.errors import DeviceError, Doubt, RaymarchError, RenderWarning, SceneError
 from raymarch.export.sequence import Contents, Item
 from raymarch.export.stills import Shot, draw, encoder, key_of, save, view_of
 from raymarch.gpu.renderer import Renderer
@@ -64,7 +64,7 @@ class Work:
     milliseconds: float
     seconds: float
     worker: str
-    doubts: Sequence[str]
+    doubts: Sequence[Doubt]
 
 
 @dataclass(frozen=True, slots=True)

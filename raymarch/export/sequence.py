@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from raymarch.errors import RaymarchError, SceneError
+from raymarch.errors import Doubt, RaymarchError, SceneError
 from raymarch.export.film import FILMS, check_film, write_film
 from raymarch.export.stills import (
     FORMATS,
@@ -304,7 +304,7 @@ class Picture:
     """
 
     milliseconds: float
-    doubts: Sequence[str]
+    doubts: Sequence[Doubt]
     view: Shown
     writer: Writer
 

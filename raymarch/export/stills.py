@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image, PngImagePlugin, UnidentifiedImageError
 
 import raymarch
-from raymarch.errors import RenderError
+from raymarch.errors import Doubt, RenderError
 from raymarch.expr.images import write_channels
 from raymarch.gpu.context import Driver
 from raymarch.gpu.frame import Frame
@@ -153,7 +153,7 @@ def draw(
     time: float,
     part: PicturePart | None = None,
     progress: Callable[[float], None] | None = None,
-) -> tuple[Frame, list[str]]:
+) -> tuple[Frame, list[Doubt]]:
     """A frame and the reasons to doubt it. A part is doubted only for values out of their range.
 
     Raises RenderError for doubts if the shot is strict, and the errors of `Renderer.render`.

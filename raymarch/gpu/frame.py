@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from raymarch.errors import DeviceError
+from raymarch.errors import DeviceError, Doubt
 from raymarch.expr.convert import switch
 from raymarch.gpu.display import ABOVE_ONE, NOT_FINITE, display_of, image_of
 from raymarch.gpu.unread import Unread
@@ -80,9 +80,9 @@ class Frame:
     complete: bool = True
     """False if some rays have not terminated, or light was not added; the next frame of the picture continues them."""
     pose: Pose | None = field(default=None, repr=False)
-    warnings: Sequence[str] = ()
+    warnings: Sequence[Doubt] = ()
     """One sentence for each value that is outside its legal range in this frame."""
-    _doubts: Callable[[Frame, bool | None], list[str]] | None = field(default=None, repr=False)
+    _doubts: Callable[[Frame, bool | None], list[Doubt]] | None = field(default=None, repr=False)
     _transparency: Callable[[], tuple[NDArray[np.float32], NDArray[np.float32]]] | None = field(
         default=None, repr=False
     )
@@ -105,7 +105,7 @@ class Frame:
         arrays = {name: self.array(name) for name in {**self._unread, **self._arrays}}
         return _unpickled, (parts | {"_arrays": arrays, "warnings": list(self.warnings)},)
 
-    def doubts(self, steps: bool | None = None) -> list[str]:
+    def doubts(self, steps: bool | None = None) -> list[Doubt]:
         """Reasons to doubt this picture, one sentence each; empty if there are none.
 
         The checks are: values outside their range, samples that contradict the facts of the user's own definitions,
@@ -121,6 +121,7 @@ class Frame:
         Returns
         -------
         list[str]
+            Each also has its parts: `stage`, `what`, `cure` and `where`, the user's line or None.
 
         Raises
         ------

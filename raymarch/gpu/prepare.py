@@ -11,7 +11,7 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.errors import SceneError
+from raymarch.errors import Doubt, SceneError
 from raymarch.expr.arrays import Remembered, bound, bound_values, evaluator_of
 from raymarch.expr.branches import UNSEEN
 from raymarch.expr.convert import described, short
@@ -70,7 +70,7 @@ class Prepared:
     pace: LightPace = field(default_factory=LightPace, compare=False)
     _kept: dict[str, tuple[Any, Any]] = field(init=False, default_factory=dict, compare=False, repr=False)
 
-    def violations(self, values: Values) -> list[str]:
+    def violations(self, values: Values) -> list[Doubt]:
         """What values of parameters and time make illegal, one sentence each. Those of the last frame are kept."""
         key = values.time, tuple(values.params.items())
         return self._once("violations", key, lambda: violations(self.plan.conditions, values))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from raymarch.errors import DeviceError, RenderError, warn_of_doubts
+from raymarch.errors import DeviceError, Doubt, RenderError, warn_of_doubts
 from raymarch.expr.arrays import bound
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import real, switch
@@ -285,13 +285,13 @@ class Renderer:
             raise RenderError(doubts)
         return frame
 
-    def _doubts(self, scene: Scene, ready: Prepared, values: Values, frame: Frame, steps: bool | None) -> list[str]:
+    def _doubts(self, scene: Scene, ready: Prepared, values: Values, frame: Frame, steps: bool | None) -> list[Doubt]:
         """See `Frame.doubts`."""
         pose = frame.pose
         assert pose is not None
         pixels = frame.size[0] * frame.size[1]
         lost, above = frame._count_odd()
-        found: list[str | None] = [*frame.warnings, *vouch.contradicted(scene, values)]
+        found: list[Doubt | None] = [*frame.warnings, *vouch.contradicted(scene, values)]
         found.append(vouch.not_finite(lost, pixels))
         found += vouch.moved_otherwise(scene, values)
         found += [vouch.noisy(scene), vouch.inside(ready, values, pose), *ready.plan.without_effect]

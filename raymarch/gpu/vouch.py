@@ -66,7 +66,7 @@ def contradicted(scene: Scene, values: Values) -> list[Doubt]:
     return [Doubt("values", f"{node.name}: {sentence}", where=node.where) for node, sentence in found]
 
 
-def moved_otherwise(scene: Scene, values: Values) -> list[str]:
+def moved_otherwise(scene: Scene, values: Values) -> list[Doubt]:
     """Doubts about offsets and shells that are not as thick as asked for, and effects that read short distances."""
     with bound(values.params, values.time):
         return [*levels.moved_otherwise(scene.node, doubted=True), *misread(scene)]

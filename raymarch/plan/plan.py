@@ -44,7 +44,7 @@ from raymarch.plan.stages import (
 )
 from raymarch.plan.unused import unused
 from raymarch.scene.legal import Condition, conditions_of
-from raymarch.scene.origin import InReach, default_view, range_warning
+from raymarch.scene.origin import InReach, default_view, range_doubts
 from raymarch.scene.parameter import Spec
 from raymarch.scene.post import PostEffect
 from raymarch.scene.quality import CONTACT, Quality
@@ -280,21 +280,21 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
         return [*conditions_of(self.given), *([InReach(self.given)] if moving else [])]
 
     @cached_property
-    def warnings(self) -> list[str]:
+    def warnings(self) -> list[Doubt]:
         """Doubts about input that is legal but may not be intended."""
-        scene, found = self.given, list[str]()
+        scene, found = self.given, list[Doubt]()
         if scene.node.facts.empty:
             found.append(Doubt("plan", "the solid is empty: the bounding boxes of its operands do not overlap"))
         if scene.node.exactness == "estimate":
             found.append(Doubt("plan", "the field is an estimate: rays may miss surfaces"))
         for node in all_nodes(scene.node)[1:]:
             if node.facts.empty and not any(child.facts.empty for child in node.children):
-                place = f" at {node.where}" if node.where else ""
-                what = f"{node.name}{place} is empty: the bounding boxes of its operands do not overlap"
-                found.append(Doubt("plan", what))
+                what = f"{node.name} is empty: the bounding boxes of its operands do not overlap"
+                found.append(Doubt("plan", what, where=node.where))
         found += moved_otherwise(scene.node)
         found += misread(scene)
-        return [*found, *self.without_effect, *range_warning(self.view, self.origin, self.seen or self.field)]
+        found += [*self.without_effect, *range_doubts(self.view, self.origin, self.seen or self.field)]
+        return list(dict.fromkeys(found))
 
 
 def marched_otherwise(made: Plan, quality: Quality, size: tuple[int, int] | None = None) -> Plan:

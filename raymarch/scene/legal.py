@@ -28,7 +28,7 @@ from raymarch.sdf.node import Node, children_first
 class Condition(Protocol):
     """Something that must hold in each frame."""
 
-    def broken(self, values: Values) -> str | None:
+    def broken(self, values: Values) -> Doubt | None:
         """The violation in a frame, as one sentence with the user's line; None if the condition holds."""
 
 
@@ -37,7 +37,7 @@ def conditions_of(scene: Scene) -> list[Condition]:
     return [*_conditions_of_solid(scene.node), *(_IsWithin(marked) for marked in find(scene.expressions(), "within"))]
 
 
-def violations(conditions: Sequence[Condition], values: Values) -> list[str]:
+def violations(conditions: Sequence[Condition], values: Values) -> list[Doubt]:
     """The violations in a frame, one sentence each."""
     found = (condition.broken(values) for condition in conditions)
     return list(dict.fromkeys(sentence for sentence in found if sentence is not None))
@@ -101,7 +101,7 @@ class _NodeIsLegal:
         self._given = [_as_given(node, name) for name in self._names]
         self._run = None if find(self._given, "cell") else evaluator(self._given, [])
 
-    def broken(self, values: Values) -> str | None:
+    def broken(self, values: Values) -> Doubt | None:
         node, domains = self._node, self._node.definition.domains
         if self._run is not None and node.definition.check is None:
             with bound(values.params, values.time):
@@ -125,7 +125,7 @@ class _IsWithin:
         (self._given,), self._limit = marked.args, marked.data
         self._run = None if find([self._given], "cell") else evaluator([self._given], [])
 
-    def broken(self, values: Values) -> str | None:
+    def broken(self, values: Values) -> Doubt | None:
         limit = self._limit
         if self._run is not None:
             with bound(values.params, values.time):

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.errors import PlanError, SceneError
+from raymarch.errors import Doubt, PlanError, SceneError
 from raymarch.expr.arrays import bound, evaluator, evaluator_of
 from raymarch.expr.derivative import companion
 from raymarch.expr.function import Function
@@ -121,8 +121,8 @@ def _light_from(light: Light, origin: NDArray[np.float64]) -> Light:
     return light.replace(position=light.arguments()["position"] - const(origin))
 
 
-def range_warning(view: DefaultView, origin: NDArray[np.float64], field: Function) -> list[str]:
-    """A warning if float32 cannot hold the epsilon of the quality, at default parameters and 1080 rows.
+def range_doubts(view: DefaultView, origin: NDArray[np.float64], field: Function) -> list[Doubt]:
+    """A doubt if float32 cannot hold the epsilon of the quality, at default parameters and 1080 rows.
 
     field : the distance, as a function of the point relative to `origin`.
 
@@ -138,10 +138,11 @@ def range_warning(view: DefaultView, origin: NDArray[np.float64], field: Functio
     if rounding <= scene.quality.near(has_levels(scene.node)) * pose.footprint(away, 1080):
         return []
     pixels = rounding / pose.footprint(away, 1080)
-    return [
+    what = (
         f"coordinates reach {largest:.3g} and the nearest surface is {away:.3g} away: in float32 hits are within "
         f"{rounding:.2g}, {pixels:.2g} pixel widths, whatever the quality"
-    ]
+    )
+    return [Doubt("plan", what)]
 
 
 SMALLEST, LARGEST = 1e-15, 1e15
@@ -192,14 +193,13 @@ class InReach:
 
     scene: Scene
 
-    def broken(self, values: Values) -> str | None:
+    def broken(self, values: Values) -> Doubt | None:
         """See `raymarch.scene.legal.Condition`."""
         pose = default_pose(self.scene, values)  # a degenerate camera is refused where it draws
         reach = None if pose is None else reach_of(self.scene, pose)
         if reach is None or SMALLEST <= reach <= LARGEST:
             return None
-        where = self.scene.camera.where
-        return f"{f'{where}: ' if where else ''}{_message(reach)} at time = {values.time:g} ({LEGAL})"
+        return Doubt("values", f"{_message(reach)} at time = {values.time:g}", LEGAL, self.scene.camera.where)
 
 
 def _message(length: float | None) -> str:

@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.errors import SceneError
+from raymarch.errors import Doubt, SceneError
 from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.derivative import companion
 from raymarch.expr.function import Function
@@ -166,26 +166,27 @@ FIRST_ORDER = 0.05
 """Relative error of a length below which a picture has no doubt."""
 
 
-def moved_otherwise(root: Node, doubted: bool = False) -> Iterator[str]:
-    """A sentence for each node that moves the surface of a field that is not exact, with the distance by which it does.
+def moved_otherwise(root: Node, doubted: bool = False) -> Iterator[Doubt]:
+    """A doubt about each node that moves the surface of a field that is not exact, with the distance by which it does.
 
     doubted : True for those only that move a part of the surface by another distance than the user asked for.
     """
     moving = [node for node in all_nodes(root) if node.placed_as == "offset" and node.children[0].exactness != "exact"]
     for node in moving[:MEASURED]:
-        (child,), place = node.children, f" at {node.where}" if node.where else ""
-        what = f"{node.name}{place} acts on a {child.exactness} field ({child.name})"
+        (child,) = node.children
+        what, cure = f"{node.name} acts on a {child.exactness} field, {child.name}", ""
         slopes = slopes_at_surface(child)
         if slopes is None:
-            if not doubted:
-                yield f"{what}, so the surface may move by another distance than the one asked for"
-            continue
-        low, high = 1.0 / slopes[1], 1.0 / max(slopes[0], 1e-9)
-        if high - 1.0 > FIRST_ORDER or 1.0 - low > FIRST_ORDER:
-            cure = f"{node.name} before what deforms or blends the solid"
-            yield f"{what}: the surface moves by {low:.3g} to {high:.3g} times the distance asked for ({cure})"
-        elif not doubted:
-            yield f"{what}: the surface moves by the distance asked for, and by more at edges that were cut"
+            wrong, so = False, "may move by another distance than the one asked for"
+        else:
+            low, high = 1.0 / slopes[1], 1.0 / max(slopes[0], 1e-9)
+            wrong = high - 1.0 > FIRST_ORDER or 1.0 - low > FIRST_ORDER
+            so = "moves by the distance asked for, and by more at edges that were cut"
+            if wrong:
+                so = f"moves by {low:.3g} to {high:.3g} times the distance asked for"
+                cure = f"{node.name} before what deforms or blends the solid"
+        if wrong or not doubted:
+            yield Doubt("plan", f"{what}: the surface {so}", cure, node.where)
 
 
 SHORT = 0.9
