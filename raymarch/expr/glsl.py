@@ -37,7 +37,7 @@ from raymarch.expr.templates import TEMPLATES as TEMPLATES
 from raymarch.expr.templates import Template
 from raymarch.expr.texels import Texels
 from raymarch.expr.types import BOOL, FLOAT, STATE, Type
-from raymarch.expr.walk import depends_on, find, substitute, topological
+from raymarch.expr.walk import depends_on, direct_calls, find, substitute, topological
 
 DEPTH = 16
 
@@ -193,18 +193,9 @@ def _callees_first(roots: Sequence[Function], trees: dict[Function, Branch] | No
             tree = branched(definition) if trees is not None else None
             if trees is not None and tree is not None:
                 trees[definition] = tree
-            callees = [call.data for call in _direct_calls(roots_of(tree) if tree else definition.inner)]
+            callees = [call.data for call in direct_calls(roots_of(tree) if tree else definition.inner)]
             stack.extend((callee, False) for callee in reversed(callees))
     return list(order)
-
-
-def _direct_calls(roots: Sequence[Expr]) -> list[Expr]:
-    calls: list[Expr] = []
-    nodes = topological(roots)
-    while nodes:
-        calls += [n for n in nodes if n.op == "call"]
-        nodes = topological([inner for n in nodes if n.op == "loop" for inner in n.data.inner])
-    return calls
 
 
 # Printing one function

@@ -147,6 +147,16 @@ def free_variables(roots: Iterable[Expr]) -> list[Expr]:
     return [node for node in topological(roots) if node.op == "var"]
 
 
+def direct_calls(roots: Sequence[Expr]) -> list[Expr]:
+    """The calls of functions below the roots, also those in loops."""
+    calls: list[Expr] = []
+    nodes = topological(roots)
+    while nodes:
+        calls += [n for n in nodes if n.op == "call"]
+        nodes = topological([inner for n in nodes if n.op == "loop" for inner in n.data.inner])
+    return calls
+
+
 def find(roots: Iterable[Expr], *ops: str, outside: Container[object] = ()) -> list[Expr]:
     """The distinct expressions of some operations below the roots, also inside called functions and loops.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, TypeAlias
 
 from raymarch.expr.choices import merge_calls
@@ -18,7 +18,7 @@ from raymarch.expr.vocabulary import abs, get, normalize, parts_of, record, wher
 from raymarch.expr.walk import find, free_variables, rebuild, rewrite, substitute
 from raymarch.plan.bounding import BoundedUnion
 from raymarch.plan.hoisting import Hoisting
-from raymarch.plan.mixing import Palette, RowMaterial, chosen_by, largest, mean, read_where
+from raymarch.plan.mixing import Palette, RowMaterial, blended, chosen_by, largest, read_where
 from raymarch.plan.objects import Many, ObjectsInCells
 from raymarch.plan.shading import mapped, needs_surface, patterned
 from raymarch.scene.bsdf import BSDF, Phong
@@ -206,6 +206,7 @@ class _Parts:
         """
         marks, weights = weights_of(marked)
         terms = []
+        unread: dict[Expr, Expr] = {}  # values that are read everywhere, by those read where the part has a weight
         for mark, weight in zip(marks, weights, strict=True):
             if isinstance(mark.data, Group):
                 value = of_group(mark.data, mark.args[1])
@@ -216,14 +217,14 @@ class _Parts:
                 value = of_many(mark.data, mark.args[1], at, local)
             else:
                 values = material_expressions(mark, interaction)
-                value = self._wanted(mark.data, read_where(values, weight), wanted)
-                if inner is not None:
-                    (value,) = substitute([value], {marked.params[0]: inner})
+                both = [self._wanted(mark.data, each, wanted) for each in (read_where(values, weight), values)]
+                value, whole = both if inner is None else substitute(both, {marked.params[0]: inner})
+                unread[value] = whole
             terms.append((weight, value))
         default = self._wanted(self.scene.materials[0], self.scene.materials[0].expressions, wanted)
         if all(value is terms[0][1] for _, value in terms):
             return terms[0][1] if terms else default
-        return chosen_by(terms, largest if wanted is None else mean, default)
+        return chosen_by(terms, largest if wanted is None else partial(blended, unread), default)
 
     def _evaluated(self, label: Union, wanted: Wanted | None, of_group: OfGroup, of_many: OfMany) -> _Evaluated:
         if isinstance(label, Many):

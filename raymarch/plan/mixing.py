@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
 from typing import TypeAlias
 
 import numpy as np
 
 from raymarch.expr.adjoints import add_choices, map_choices
+from raymarch.expr.derivative import share_values
+from raymarch.expr.function import Function, loop
 from raymarch.expr.node import Expr, const, var
+from raymarch.expr.reads import FEW, merge_reads
 from raymarch.expr.tables import Table, fetch
-from raymarch.expr.vocabulary import get, record, where
-from raymarch.expr.walk import find, rebuild, rewrite
+from raymarch.expr.types import FLOAT, struct
+from raymarch.expr.vocabulary import get, parts_of, record, where
+from raymarch.expr.walk import find, free_variables, rebuild, rewrite
 from raymarch.sdf.columns import Packing
 
 Term: TypeAlias = tuple[Expr, Expr]
@@ -75,6 +79,67 @@ def mean(terms: Sequence[Term]) -> Expr:
     total = reduce(add_choices, [weight for weight, _ in terms])
     products = [map_choices(lambda w, v=value: w * v, weight) for weight, value in _summed(terms)]  # type: ignore[misc]
     return reduce(add_choices, products) / (total if total.is_constant else where(total <= 0.0, 1.0, total))
+
+
+def mean_in_turn(terms: Sequence[Term]) -> Expr:
+    """The same mean, in a loop over the parts whose weight is above 0.
+
+    A turn evaluates the part of an index, as the choice of one of them. So one look-up reads the pictures of all parts,
+    where a sum has one for each, and drivers take a time to compile that grows faster than their number.
+    """
+    type = terms[0][1].type
+    columns = [[get(value, name) for _, value in terms] for name, _ in type.fields] or [[value for _, value in terms]]
+    differing = [i for i, column in enumerate(columns) if any(value is not column[0] for value in column)]
+    wanted = [columns[i] for i in differing]
+    index, weights = var("part", FLOAT), [weight for weight, _ in terms]
+    if len(wanted) == 1:
+        values = list(wanted[0])
+    else:
+        mixed = struct(f"Mixed{type.name}", tuple(type.fields[i] for i in differing))
+        values = [record(mixed, *row) for row in zip(*wanted, strict=True)]
+    (body,) = share_values(merge_reads([_of_index(index, values)]))
+    part = Function("part_of_blend", (index, *(v for v in free_variables([body]) if v is not index)), body)
+
+    def following(at: Expr) -> Expr:
+        found = const(float(len(terms)))
+        for k in reversed(range(len(terms))):
+            found = where((weights[k] > 0.0) & (at < k - 0.5), float(k), found)
+        return found
+
+    def step(_i: Expr, at: Expr, *sums: Expr) -> Sequence[Expr]:
+        value, weight = part(at, *part.params[1:]), _of_index(at, weights)
+        each = [value] if len(wanted) == 1 else list(parts_of(value))
+        return [following(at), *(total + weight * v for total, v in zip(sums, each, strict=True))]
+
+    start = [following(const(-1.0)), *(const(np.zeros(column[0].type.shape)) for column in wanted)]
+    _, *sums = loop(len(terms), start, step, until=lambda _i, at, *_sums: at > len(terms) - 0.5)
+    total = reduce(add_choices, weights)
+    whole = total if total.is_constant else where(total <= 0.0, 1.0, total)
+    means = dict(zip(differing, [each / whole for each in sums], strict=True))
+    found = [means.get(i, column[0]) for i, column in enumerate(columns)]
+    return record(type, *found) if type.fields else found[0]
+
+
+def _of_index(index: Expr, values: Sequence[Expr], first: int = 0) -> Expr:
+    """The value of an index, by a balanced tree of choices."""
+    if all(value is values[0] for value in values):
+        return values[0]
+    half = len(values) // 2
+    return where(
+        index < first + half - 0.5,
+        _of_index(index, values[:half], first),
+        _of_index(index, values[half:], first + half),
+    )
+
+
+def blended(unread: Mapping[Expr, Expr], terms: Sequence[Term]) -> Expr:
+    """The mean of some values: a sum, or a loop if they read many pictures.
+
+    unread : the values without a condition on their weight, by those whose textures are read where it is above 0.
+    """
+    if len({node.data for node in find([value for _, value in terms], "texture")}) <= FEW:
+        return mean(terms)
+    return mean_in_turn([(weight, unread.get(value, value)) for weight, value in terms])
 
 
 def largest(terms: Sequence[Term]) -> Expr:

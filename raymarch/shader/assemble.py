@@ -27,7 +27,7 @@ from raymarch.expr.samples import Samples
 from raymarch.expr.tables import Table
 from raymarch.expr.texels import Texels
 from raymarch.expr.types import Type
-from raymarch.expr.walk import find, topological
+from raymarch.expr.walk import direct_calls, find
 from raymarch.plan import Pass, Plan
 from raymarch.scene.quality import RELAXATION
 from raymarch.scene.relief import footprint_axis, shading_normal
@@ -335,7 +335,7 @@ def _records(roots: Sequence[Function]) -> frozenset[Type]:
     pending = [type for root in roots for type in (root.type, *(p.type for p in root.params))]
     structs = [root for root in roots if root.type.fields]
     for root in structs:
-        calls = dict.fromkeys(node.data for node in topological([root.body]) if node.op == "call" and node.type.fields)
+        calls = dict.fromkeys(node.data for node in direct_calls([root.body]) if node.type.fields)
         structs += [function for function in calls if function not in structs]
     pending += [function.type for function in structs]
     while pending:

@@ -19,7 +19,7 @@ from raymarch.expr.types import FLOAT, VEC2
 from raymarch.expr.vocabulary import vec3
 from raymarch.gpu import Renderer
 from raymarch.gpu.context import Context
-from raymarch.plan import plan
+from raymarch.plan import mixing, plan
 from raymarch.shader import Shader, assemble
 from raymarch.truth import silhouettes, truth
 from tests.support.glsl_harness import evaluate, run, text_of
@@ -78,8 +78,8 @@ def test_pictures_in_an_atlas_are_filtered_as_the_truth_does(egl: Context) -> No
 def test_more_pictures_than_texture_units_share_an_atlas() -> None:
     def drawn(count: int) -> Shader:
         maps = [rm.planar(np.full((3 + k, 4, 3), 0.5), 1.0, wrap=("repeat", "clamp")[k % 2]) for k in range(count)]
-        balls = [rm.sphere(0.4).translate((k, 0, 0)).material(rm.Material(m)) for k, m in enumerate(maps)]
-        return assemble(plan(rm.Scene(rm.union(*balls, k=1e-3)), ("color",)))
+        mean = rm.Material(lambda p: sum(m.color(p) for m in maps) / count)
+        return assemble(plan(rm.Scene(rm.sphere(0.4).material(mean)), ("color",)))
 
     assert "atlas" not in drawn(16).text()
     shared = drawn(19)
@@ -88,18 +88,21 @@ def test_more_pictures_than_texture_units_share_an_atlas() -> None:
     assert len(atlas.places) == 4, "as few as suffice, the smallest first"
 
 
-def textured_grid(count: int) -> rm.Scene:
-    """Boxes side by side, each with a picture of its own."""
+def textured_grid(count: int, k: float = 0.0, three: bool = False) -> rm.Scene:
+    """Boxes side by side, each with a picture of its own. k : of a smooth blend. three : in three projections."""
     rng = np.random.default_rng(0)
-    maps = [rm.planar(rng.uniform(0.1, 0.9, (4 + k % 3, 8, 3)), 0.5) for k in range(count)]
+    laid = rm.triplanar if three else rm.planar
+    maps = [laid(rng.uniform(0.1, 0.9, (4 + k % 3, 8, 3)), 0.5) for k in range(count)]
     boxes = [rm.box(0.8).translate((k % 8, k // 8, 0)).material(rm.Material(m)) for k, m in enumerate(maps)]
-    return rm.Scene(rm.union(*boxes), camera=rm.Camera((3.5, 2, 9), (3.5, 1.5, 0)))
+    union = rm.union(*boxes, k=k) if k else rm.union(*boxes)
+    return rm.Scene(union, camera=rm.Camera((3.5, 2, 9), (3.5, 1.5, 0)))
 
 
+@pytest.mark.parametrize("k", [0.0, 0.4])
 @pytest.mark.parametrize("count", [24, 64, 128])
-def test_one_look_up_of_the_chosen_picture_is_compiled(count: int) -> None:
+def test_one_look_up_of_the_chosen_picture_is_compiled(count: int, k: float) -> None:
     """Drivers inline each look-up: of 31 pictures with one each, llvmpipe took a minute to compile."""
-    shader = assemble(plan(textured_grid(count), ("color",)))
+    shader = assemble(plan(textured_grid(count, k), ("color",)))
     calls = [line for line in shader.text().splitlines() if "filtered" in line and not line.startswith("vec4 filtered")]
     assert sum(line.count("filtered") for line in calls) == 1
     assert len(shader.samples) == 1
@@ -111,6 +114,45 @@ def test_the_chosen_picture_is_that_of_the_truth(renderer: Renderer) -> None:
     known = truth(made, SIZE)
     off = np.abs(renderer.render(made).color - known.color).max(axis=-1)[known.hit & ~silhouettes(known)]
     assert off.size > 500 and np.percentile(off, 99) < 1e-4
+
+
+@pytest.mark.parametrize("three", [False, True])
+def test_a_smooth_blend_of_many_pictures_is_that_of_the_truth(three: bool, renderer: Renderer) -> None:
+    """A loop over the parts with a weight gives the mean of all: between the boxes of three and four pictures."""
+    made = textured_grid(24, 0.7, three)
+    renderer.resize(SIZE)
+    known = truth(made, SIZE)
+    off = np.abs(renderer.render(made).color - known.color).max(axis=-1)[known.hit & ~silhouettes(known)]
+    assert off.size > 500 and np.percentile(off, 99) < (2e-3 if three else 4e-4)
+
+
+def test_a_loop_over_parts_gives_the_sum_of_all(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of colours, numbers and relief, and where some parts have no pictures or are cut, in sharp and smooth unions."""
+    rng = np.random.default_rng(1)
+    balls = []
+    for i in range(14):
+        grey, tint = rm.planar(rng.uniform(0.2, 0.9, (6, 6)), 0.4), rm.planar(rng.uniform(0.1, 0.9, (5, 7, 3)), 0.6)
+        paint = rm.Material(
+            albedo=tint if i % 3 else (0.8, 0.4, 0.2), roughness=0.5 * grey, height=grey if i % 2 else None
+        )
+        balls.append(rm.sphere(0.6).translate((i % 5, i // 5, 0)).material(paint))
+    smooth = rm.union(*balls[:10], k=0.5) - rm.box(1.2).translate((1, 0, 0.6))
+    made = rm.Scene(
+        smooth | rm.union(*balls[10:], k=0.2),
+        rm.Camera((2, 1, 7), (2, 1, 0)),
+        lights=[rm.Sun(shadow=True)],
+        sky=rm.Sky((0.3, 0.4, 0.6), light=True),
+    )
+    renderer.resize(SIZE)
+    found = renderer.render(made).color
+    renderer.forget()
+    monkeypatch.setattr(mixing, "FEW", 1000)
+    with Renderer(SIZE, context=renderer.context) as other:
+        wanted = other.render(made).color
+        assert "part_of_blend" not in other.prepared(made).texts["color"]
+    assert "part_of_blend" in renderer.prepared(made).texts["color"]
+    assert np.ptp(wanted) > 0.3
+    np.testing.assert_allclose(found, wanted, atol=2e-6)
 
 
 def test_a_checkered_floor_is_that_of_the_truth_up_to_its_horizon(renderer: Renderer) -> None:
