@@ -27,26 +27,31 @@ from raymarch.cli.common import (
 from raymarch.cli.progress import bar, watched
 from raymarch.cluster.source import Source, of_file
 from raymarch.cost import baseline
-from raymarch.cost.answer import advice, sentence
+from raymarch.cost.answer import BOUNDS, advice, sentence
 from raymarch.cost.checks import check
+from raymarch.cost.drawing import by_cpu_time
 from raymarch.cost.effects import Effect, ablate, ablations, evaluations_of
 from raymarch.cost.effects import table as effects_table
 from raymarch.cost.errors import check_followed
 from raymarch.cost.html import as_html, templates
 from raymarch.cost.plots import figure, save
 from raymarch.cost.reference import Reference, reference
+from raymarch.cost.rivals import time_again
 from raymarch.cost.settings import Setting, axes, grid, parse_values
 from raymarch.cost.sweep import METRICS, Point, Progress, Sweep, environment, sweep
-from raymarch.cost.text import FORMAT, as_csv, as_json, findings, in_table, light_table, table
+from raymarch.cost.text import FORMAT, as_csv, as_json, findings, in_table, light_table, proof_words, table
 from raymarch.cost.variants import ideal_of
+from raymarch.cost.views import views
 from raymarch.errors import CostError
 from raymarch.files import import_optional, reading, write
+from raymarch.gpu.driver_cache import without_driver_cache
 from raymarch.gpu.renderer import Renderer
 from raymarch.proof import prove
 from raymarch.scene.file import load
 from raymarch.scene.parameter import set_values
 from raymarch.scene.scene import Scene
 
+UNPROVED = "No hit is proved: the field is an estimate (--prove tries all the same)."
 SIZE = "320x180"
 """Default size of the measured pictures."""
 WIDTH = 150
@@ -60,6 +65,17 @@ ENDINGS = {
     "--write-baseline": (".json",),
 }
 """Suffixes that each option accepts."""
+
+
+Proved = Annotated[
+    bool | None,
+    typer.Option(
+        "--prove/--no-prove",
+        help="Prove the hits of the scene's own setting by intervals, as `raymarch prove`; by default unless the field "
+        "is an estimate.",
+        show_default=False,
+    ),
+]
 
 
 def run(
@@ -100,12 +116,7 @@ def run(
         typer.Option(metavar="FILE", help="Record errors and evaluations of this scene; other scenes in it are kept."),
     ] = None,
     effects: Annotated[bool, typer.Option("--effects", help="Measure the cost of each effect of the scene.")] = False,
-    prove_: Annotated[
-        bool,
-        typer.Option(
-            "--prove", help="Also prove the hits of the scene's own setting by intervals, as `raymarch prove`."
-        ),
-    ] = False,
+    prove_: Proved = None,
     cluster: Annotated[
         str | None,
         typer.Option(metavar="tcp://HOST:PORT|local[:N]", help="Measure on the workers of a Dask cluster."),
@@ -125,7 +136,7 @@ def run(
         raise CommandError(f"--reference-samples {samples}", legal="a square number from 1 to 256")
     if mixed_drivers and cluster is None:
         raise CommandError("--mixed-drivers without --cluster", legal="--cluster tcp://HOST:PORT or local:N")
-    _check_together(files | baselines, effects, prove_, cluster is not None)
+    _check_together(files | baselines, effects, bool(prove_), cluster is not None)
     crossed = None if cross is None else [name.strip() for name in cross.split(",") if name.strip()]
     asked = axes(crossed, _given(axis or []))
     pixels, params = parse_size(size or SIZE), parse_settings(set_ or [])
@@ -147,8 +158,8 @@ def run(
             made = bench.sweep_on(source, settings, cluster, mixed_drivers, timed)
         else:
             made, costs = bench.sweep(settings, html is not None)
-        if prove_:
-            made.proof = bench.proof()
+        if prove_ is not False:
+            made.proof = bench.proof(asked=prove_ is True)
         show(made, by, everything)
         _write_sweep(made, costs, by, files)
 
@@ -206,7 +217,12 @@ class _Bench:
     @contextmanager
     def opened(self) -> Iterator[tuple[Progress, Renderer]]:
         """A progress bar and a renderer."""
-        with watched() as tell, Renderer(self.size, self.backend, self.device) as renderer:
+        with (
+            without_driver_cache(),
+            watched() as tell,
+            Renderer(self.size, self.backend, self.device) as renderer,
+            by_cpu_time(renderer),
+        ):
             yield tell, renderer
 
     def reference(self, scene: Scene, samples: int, tell: Progress) -> Reference:
@@ -223,8 +239,10 @@ class _Bench:
                 ideal = ideal_of(scene, setting.variations)
                 return known if ideal is scene else self.reference(ideal, self.samples, tell)
 
-            how: dict[str, Any] = {"judge": judge, "count": evaluations_of}
+            seen = views(scene, self.size, *moment, lambda what: tell(what, 0.0))
+            how: dict[str, Any] = {"judge": judge, "count": evaluations_of, "seen": seen}
             made = sweep(scene, settings, known, renderer, self.name, *moment, self.repeats, self.seed, tell, **how)
+            time_again(made, scene, renderer, BOUNDS, *moment, tell)
             made.checks = check(made, scene, renderer, *moment)
             costs: list[Effect] = []
             if effects and any(ablations(scene)):
@@ -247,8 +265,10 @@ class _Bench:
         """The cost of each effect."""
         return ablate(self.scene, renderer, self.time, self.params, self.repeats, self.seed, tell)
 
-    def proof(self) -> dict[str, Any]:
-        """The proof of the hits of the scene's own setting."""
+    def proof(self, asked: bool) -> dict[str, Any]:
+        """The proof of the hits of the scene's own setting. asked : False leaves out that of an estimate."""
+        if self.scene.node.exactness == "estimate" and not asked:
+            return {"words": UNPROVED, "pixels": 0}
         with bar("proof", 1.0) as progress:
             proof = prove(self.scene, size=self.size, time=self.time, params=self.params, progress=progress)
         return {"words": str(proof), **proof.as_dict()}
@@ -323,7 +343,8 @@ def show(made: Sweep, metric: str, everything: bool) -> None:
         out.print(f"and {left} more dominated settings (--all)", markup=False)
     if (light := light_table(made, metric)) is not None:
         out.print(light)
-    for line in (*findings(made, metric), "", sentence(made), *([] if made.untimed else advice(made))):
+    proved = [line for line in (proof_words(made),) if line]
+    for line in (*findings(made, metric), *proved, "", sentence(made), *([] if made.untimed else advice(made))):
         out.print(line, markup=False, soft_wrap=True, highlight=False)
 
 

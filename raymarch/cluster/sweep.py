@@ -17,14 +17,16 @@ from raymarch.cluster.source import Source
 from raymarch.cluster.submit import RETRIES, Cluster, Failed, Options
 from raymarch.cluster.worker import STATE, Job, Refused, drawing
 from raymarch.cost.checks import Check, check, check_clock
-from raymarch.cost.drawing import Renderers, draw, timed
+from raymarch.cost.drawing import Renderers, Spent, by_cpu_time, draw, timed
 from raymarch.cost.effects import evaluations_of
 from raymarch.cost.reference import Reference, reference
-from raymarch.cost.settings import Setting
+from raymarch.cost.settings import Setting, marches_alone
 from raymarch.cost.sweep import Point, Progress, Sweep, environment, examine, facts_of, turns
 from raymarch.cost.variants import ideal_of
+from raymarch.cost.views import View, cameras, seen_from
 from raymarch.errors import CostError, RaymarchError
 from raymarch.export.stills import Shot
+from raymarch.scene.camera import Camera, Pose
 from raymarch.scene.scene import Scene
 
 SHARED = "more than one worker runs on each machine, so their times depend on each other"
@@ -43,10 +45,9 @@ class Moment:
 
 @dataclass(frozen=True, slots=True)
 class Times:
-    """Milliseconds of each setting by the renderer's clock and by the wall clock; where they were measured."""
+    """The times of the frames of each setting; where they were measured."""
 
-    claimed: list[list[float]]
-    walls: list[list[float]]
+    spent: list[list[Spent]]
     environment: dict[str, Any]
     clock: Check
 
@@ -78,9 +79,17 @@ def sweep_on(
         for k, ideal in enumerate(dict.fromkeys([(), *ideals]))
     }
 
+    seen = cameras(scene, moment.size, moment.time, moment.params)
+    kept = {
+        name: client.submit(_depths, sent, job, moment, made.camera, key=f"raymarch-view-{run}-{k}", retries=RETRIES)
+        for k, (name, (made, _)) in enumerate(seen.items())
+    }
+    poses = [pose for _, pose in seen.values()]
+
     def start(unit: tuple[int, Setting]) -> Any:
         i, setting = unit
-        words = (sent, job, moment, setting, references[ideals[i]], setting.light or i == 0)
+        judged = list(kept.values()) if marches_alone(setting, scene.quality) else []
+        words = (sent, job, moment, setting, references[ideals[i]], setting.light or i == 0, poses, judged)
         how: dict[str, Any] = {"retries": RETRIES, "resources": cluster.resources}
         return client.submit(_examine, *words, key=f"raymarch-draw-{run}-{i}", **how)
 
@@ -95,12 +104,14 @@ def sweep_on(
     found = _times(cluster, sent, job, moment, settings, repeats, seed, report)
     measured_on = _environment(job.machines, found)
     untimed, facts = "" if found else SHARED, facts_of(scene, moment.time)
-    made = Sweep(name, known[()], ordered, seed, repeats, measured_on, untimed=untimed, **facts)
+    names = tuple(seen)
+    made = Sweep(name, known[()], ordered, seed, repeats, measured_on, untimed=untimed, views=names, **facts)
     for i, point in enumerate(ordered):
         if found is None:
             point.compile_ms = point.first_ms = float("nan")
         else:
-            point.times, point.walls = found.claimed[i], found.walls[i]
+            for spent in found.spent[i]:
+                point.add(spent)
     made.checks = check(made, scene, None, moment.time, moment.params)
     if found is not None:
         made.checks.insert(0, found.clock)
@@ -159,10 +170,27 @@ def _reference(source: Source, job: Job, moment: Moment, ideal: tuple[tuple[str,
         return Refused.by(fault)
 
 
+def _depths(source: Source, job: Job, moment: Moment, camera: Camera) -> Reference | Refused:
+    """The reference of the scene from another camera, of depth alone. Uses no OpenGL."""
+    try:
+        with STATE.lock:
+            scene = STATE.scene(source, job.quality)
+        return reference(scene.replace(camera=camera), moment.size, moment.time, moment.params, 0)
+    except RaymarchError as fault:
+        return Refused.by(fault)
+
+
 def _examine(
-    source: Source, job: Job, moment: Moment, setting: Setting, known: Reference | Refused, counted: bool
+    source: Source,
+    job: Job,
+    moment: Moment,
+    setting: Setting,
+    known: Reference | Refused,
+    counted: bool,
+    poses: Sequence[Pose],
+    seen: Sequence[Reference | Refused],
 ) -> Point | Refused:
-    """A point without its times. Its reference stays on the worker."""
+    """A point without its times. Its references stay on the worker. poses, seen : of further views."""
     if isinstance(known, Refused):
         return known
     try:
@@ -170,6 +198,11 @@ def _examine(
             scene = STATE.scene(source, job.quality)
             own = renderers.of(setting)
             found = examine(scene, setting, known, own, moment.time, moment.params, "color")
+            for pose, view in zip(poses, seen, strict=False):
+                if isinstance(view, Refused):
+                    return view
+                other = View("", pose, view)
+                found.views.append(seen_from(other, scene, setting, own, moment.time, moment.params))
             if counted:
                 found.all_evaluations = evaluations_of(setting.of(scene), own, moment.time, moment.params)
             return replace(found, known=None)  # type: ignore[arg-type]  # the client has it
@@ -183,19 +216,20 @@ def _time(
     """The times of all settings, each drawn once before."""
     limit = job.timeout * len(settings)
     try:
-        with drawing(job, moment.size, limit) as renderer, Renderers(renderer, moment.size) as renderers:
+        with (
+            drawing(job, moment.size, limit) as renderer,
+            by_cpu_time(renderer),
+            Renderers(renderer, moment.size) as renderers,
+        ):
             scene = STATE.scene(source, job.quality)
             renderer.kept = max(renderer.kept, 4 * len(settings))
             where = (moment.time, moment.params)
             for setting in settings:
                 for _ in range(2):
                     draw(scene, setting, renderers.of(setting), *where)
-            claimed: list[list[float]] = [[] for _ in settings]
-            walls: list[list[float]] = [[] for _ in settings]
+            spent: list[list[Spent]] = [[] for _ in settings]
             for i in turns(len(settings), repeats, seed):
-                took = timed(scene, settings[i], renderers.of(settings[i]), *where)
-                claimed[i].append(took[0])
-                walls[i].append(took[1])
-            return Times(claimed, walls, environment(renderer), check_clock(renderer))
+                spent[i].append(timed(scene, settings[i], renderers.of(settings[i]), *where))
+            return Times(spent, environment(renderer), check_clock(renderer))
     except RaymarchError as fault:
         return Refused.by(fault)

@@ -4,59 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from raymarch.cost.settings import differences
+from raymarch.cost.rivals import candidates, chosen, most_exact, reach
 from raymarch.cost.sweep import Point, Sweep
 
 BOUNDS = (0.5, 0.05, 0.005)
 """Errors in pixels that the answer is given for."""
-METRIC = "pixels_p99"
-"""The error that is bounded: 99 % of the hits away from silhouettes lie within it."""
-REST = 10.0
-"""Of the other hits, all but one in a thousand lie within this many times the bound. So a whole face that is wrong is
-not hidden by a large floor that is right."""
-MARCHING = set("tracer max_steps epsilon omega beta step_scale schedule refinement steps_per_pass".split())
-"""Fields of `Quality` that change where hits lie and nothing else of the picture."""
-
-
-def candidates(made: Sweep) -> list[Point]:
-    """The sound settings that change the marching alone, so that their pictures differ from the scene's by error only.
-
-    Fewer rays per pixel, other normals or another resolution would be cheaper in ways that the distance of hits does
-    not show.
-    """
-    base = made.base.setting.quality
-    return [
-        p
-        for p in made.comparable(METRIC)
-        if p.error(METRIC) < float("inf")
-        and (p.setting.frames, p.setting.scale, p.setting.variations) == (1, 1.0, ())
-        and MARCHING.issuperset(differences(p.setting.quality, base))
-    ]
-
-
-def reach(point: Point) -> float:
-    """The least bound in pixels that a setting keeps: 99 % of its hits within it, and 99.9 % within ten times of it."""
-    rest = point.errors.pixels_p999 / REST
-    return max(point.error(METRIC), 0.0 if rest != rest else rest)
 
 
 def answers(made: Sweep, bounds: Sequence[float] = BOUNDS) -> list[tuple[float, Point]]:
-    """The bounds in pixels, coarsest first, each with the fastest setting within it; bounds that no setting meets are
-    left out."""
+    """The bounds in pixels, coarsest first, each with the setting to recommend within it; bounds that no setting meets
+    are left out."""
     able = [made.base] if closed(made) else candidates(made)
-    found = []
-    for bound in bounds:
+    found: list[tuple[float, Point]] = []
+    for bound in sorted(bounds):
         within = [p for p in able if reach(p) <= bound]
         if within:
-            found.append((bound, min(within, key=lambda p: (p.time.value, reach(p)))))
-    return found
+            found.append((bound, chosen(within, made, found[-1][1] if found else None)))
+    return found[::-1]
 
 
 def finest(made: Sweep) -> Point | None:
-    """The most accurate setting; None if no setting finds every hit."""
+    """The most exact setting to recommend; None if no setting finds every hit."""
     if closed(made):
         return made.base
-    return min(candidates(made), key=lambda p: (reach(p), p.time.value), default=None)
+    able = candidates(made)
+    return most_exact(able, made) if able else None
 
 
 def closed(made: Sweep) -> bool:
@@ -73,26 +45,35 @@ def sentence(made: Sweep) -> str:
         where += f", {made.moment:g} s into the animation"
     found, best = answers(made), finest(made)
     if best is None:
-        return f"{where}, no setting finds every hit of {made.name}: see the table."
-    error = figures(best.error(METRIC))
+        return f"{where}, no setting finds every hit of {made.name}{_everywhere(made)}: see the table."
+    error = figures(reach(best))
     if not found:
         doubt = " Its field is an estimate, which proves neither these hits nor those of the reference."
         return (
-            f"{where}, no setting draws {made.name} within {BOUNDS[0]} px: the most accurate one, {best.name}, is "
-            f"within {error} px and takes {_time(best)} a frame.{doubt if made.estimate else ''}"
+            f"{where}, no setting draws {made.name} within {BOUNDS[0]} px{_everywhere(made)}: the most accurate one, "
+            f"{best.name}, is within {error} px and takes {_time(best, made)} a frame.{doubt if made.estimate else ''}"
         )
     if closed(made):
         return (
-            f"{where}, a frame of {made.name} takes {_time(best)}, and marching settings change neither time nor "
+            f"{where}, a frame of {made.name} takes {_time(best, made)}, and marching settings change neither time nor "
             f"error: every ray is solved in closed form, within {error} px."
         )
-    parts = [f"{_time(point)} {phrase(bounds)}" for bounds, point in grouped(found)]
+    settings = grouped(found)
+    parts = [f"{_time(point, made)} {phrase(bounds)}" for bounds, point in settings]
+    if len(settings) == 1 and best is settings[0][1]:
+        whose = "the scene's own setting" if best is made.base else f"the setting {best.name}"
+        others = "no other is surely faster or more exact"
+        return f"{where}, a frame of {made.name} takes {parts[0]} with {whose}; {others}."
     parts[0] = f"a frame of {made.name} takes {parts[0]}"
     if best is found[-1][1]:
-        end = f"; no setting is more exact than that one, {error} px."
+        end = f"; no setting is surely more exact than that one, {error} px."
     else:
-        end = f"; the most exact setting, {error} px, takes {_time(best)}."
+        end = f"; the most exact setting, {error} px, takes {_time(best, made)}."
     return f"{where}, {', '.join(parts)}{end}"
+
+
+def _everywhere(made: Sweep) -> str:
+    return " in all views" if made.views else ""
 
 
 def titled(made: Sweep) -> list[tuple[str, Point]]:
@@ -111,7 +92,7 @@ def advice(made: Sweep) -> list[str]:
     found = titled(made)
     widest = max((len(title) for title, _ in found), default=0)
     return [
-        f"  {title:{widest}}  {_time(point):>8}  {figures(point.error(METRIC)):>9} px  {code(point)}"
+        f"  {title:{widest}}  {_milliseconds(point):>8}  {figures(reach(point)):>9} px  {code(point)}"
         for title, point in found
     ]
 
@@ -132,8 +113,20 @@ def phrase(bounds: Sequence[float]) -> str:
     return f"within {figures(min(bounds))} px"
 
 
-def _time(point: Point) -> str:
+def _milliseconds(point: Point) -> str:
     return f"{figures(point.time.value)} ms"
+
+
+def _time(point: Point, made: Sweep) -> str:
+    """The time of a frame; evaluations if no times were taken."""
+    if made.untimed:
+        return f"{figures(point.evaluations)} evaluations per pixel"
+    return f"{_milliseconds(point)}{' of CPU time' * by_cpu(made)}"
+
+
+def by_cpu(made: Sweep) -> bool:
+    """True if the times are CPU time, because the driver renders on the CPU."""
+    return bool(made.environment["clock"]["kind"] == "CPU time")
 
 
 def device(made: Sweep) -> str:

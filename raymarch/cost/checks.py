@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.cost.sweep import Point, Sweep
-from raymarch.gpu.clock import try_timer
+from raymarch.gpu.clock import try_growth, try_timer
 from raymarch.plan.marching import refined
 from raymarch.scene.camera import Pose
 from raymarch.scene.parameter import set_values
@@ -57,19 +57,24 @@ def check(
 
 
 def check_clock(renderer: Any) -> Check:
-    """Compare the renderer's clock with the wall clock on draws of known load."""
+    """Compare the renderer's clock with the wall clock on draws of known load; CPU time with the load itself."""
+    if renderer.clock.kind == "CPU time":
+        grown = try_growth(renderer.context, renderer.clock.time)
+        return Check("clock", grown.agrees, f"CPU time: {grown.words}")
     found = try_timer(renderer.context, renderer.clock.time)
     return Check("clock", found.agrees, found.words.replace("the GPU timer", f"the {renderer.clock.kind}"))
 
 
 def check_times(made: Sweep) -> Check:
-    """Check that no frame claims more time than passed on the wall clock."""
+    """Check that no frame claims more time than passed on the wall clock, of CPU time on each core."""
     worst = max((p for p in made.points if p.walls), key=_claim, default=None)
     if worst is None:
         return Check("frame times", True, "no frame was timed")
     claim = _claim(worst)
     words = f"a frame of {worst.name} claims {claim:.2f} of the time that passed on the wall clock"
-    return Check("frame times", claim <= 1.0, words)
+    cores = made.environment["machine"]["cores"] if made.environment["clock"]["kind"] == "CPU time" else 1
+    counted = f", on {cores} cores" if cores > 1 else ""
+    return Check("frame times", claim <= cores, words + counted)
 
 
 def _claim(point: Point) -> float:

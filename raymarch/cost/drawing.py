@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
-from time import perf_counter
-from typing import Any, Self
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from time import perf_counter, process_time
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,25 @@ from raymarch.cost.settings import Setting
 from raymarch.gpu.frame import Frame
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.scene import Scene
+
+
+class Spent(NamedTuple):
+    """Milliseconds of a picture: drawing by the renderer's clock, all of it by the wall clock, and all of it by that
+    clock: with the work of Python before and between."""
+
+    drawing: float
+    wall: float
+    whole: float
+
+
+@contextmanager
+def by_cpu_time(renderer: Renderer) -> Iterator[None]:
+    """Frames of a driver that renders on the CPU are timed by CPU time, which other programs hardly change."""
+    before, renderer.clock.by_cpu = renderer.clock.by_cpu, True
+    try:
+        yield
+    finally:
+        renderer.clock.by_cpu = before
 
 
 class Renderers:
@@ -33,7 +52,7 @@ class Renderers:
             return self._given
         if size not in self._others:
             made = self._stack.enter_context(Renderer(size, context=self._given.context))
-            made.kept = self._given.kept
+            made.kept, made.clock.by_cpu = self._given.kept, self._given.clock.by_cpu
             self._others[size] = made
         return self._others[size]
 
@@ -65,11 +84,12 @@ def timed(
     time: float = 0.0,
     params: Mapping[str, Any] | None = None,
     output: str = "color",
-) -> tuple[float, float]:
-    """Milliseconds of one picture, by the renderer's clock and by the wall clock."""
-    start = perf_counter()
+) -> Spent:
+    """The time of one picture."""
+    start, before = perf_counter(), process_time()
     claimed = sum(frame.milliseconds for frame in draw(scene, setting, renderer, time, params, (output,)))
-    return claimed, 1e3 * (perf_counter() - start)
+    wall, cpu = 1e3 * (perf_counter() - start), 1e3 * (process_time() - before)
+    return Spent(claimed, wall, cpu if renderer.clock.kind == "CPU time" else wall)
 
 
 def brought_to(values: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:

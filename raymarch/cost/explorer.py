@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from raymarch.cost.answer import answers, code, finest
+from raymarch.cost.answer import answers, by_cpu, code, finest
 from raymarch.cost.effects import Effect
 from raymarch.cost.location import location
 from raymarch.cost.maps import flip_map, footprint_map, under_map
@@ -36,6 +36,7 @@ def page_data(made: Sweep, metric: str, effects: Sequence[Effect]) -> dict[str, 
     bounds = {id(point): bound for bound, point in reversed(answers(made))}
     matter = {id(p) for p in made.front(metric)} | set(bounds) | {id(p) for p in made.points if p.setting.preset}
     best = finest(made)
+    costs = COSTS | ({"ms": ("CPU time of a frame", "ms")} if by_cpu(made) else {})
     points = [_point(p, made, pictures, errors, under, p is made.base or id(p) in matter) for p in made.points]
     for given, point in zip(made.points, points, strict=True):
         point["bound"] = bounds.get(id(given))
@@ -45,7 +46,7 @@ def page_data(made: Sweep, metric: str, effects: Sequence[Effect]) -> dict[str, 
         "size": list(made.known.size),
         "metric": metric,
         "errors": {name: {"label": label, "unit": unit} for name, (label, unit) in errors.items()},
-        "costs": {name: {"label": label, "unit": unit} for name, (label, unit) in COSTS.items()},
+        "costs": {name: {"label": label, "unit": unit} for name, (label, unit) in costs.items()},
         "reference": reference,
         "points": points,
         "effects": [_effect(e, pictures) for e in effects],

@@ -10,14 +10,25 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from raymarch.cost.answer import METRIC, code, figures, sentence, titled
+from raymarch.cost.answer import code, figures, sentence, titled
 from raymarch.cost.effects import Effect
 from raymarch.cost.errors import picture_difference
 from raymarch.cost.explorer import page_data
 from raymarch.cost.location import location
 from raymarch.cost.maps import FLIP_SCALE, FOOTPRINT_SCALE, WRONG, band_colors
+from raymarch.cost.rivals import ratio, reach
 from raymarch.cost.sweep import Point, Sweep
-from raymarch.cost.text import findings, in_table, labelled, light_table, lights_of, table
+from raymarch.cost.text import (
+    findings,
+    first_frames,
+    in_table,
+    judged,
+    labelled,
+    light_table,
+    lights_of,
+    proof_words,
+    table,
+)
 from raymarch.errors import CostError
 from raymarch.files import import_optional
 from raymarch.gpu.scale import Scale
@@ -48,6 +59,9 @@ def as_html(made: Sweep, metric: str = "pixels_p99", effects: Sequence[Effect] =
             dearest=dearest(effects),
             effects=effects,
             note=made.note,
+            judged=judged(made),
+            first_frames=first_frames(made),
+            proof=proof_words(made),
             rays=made.known.samples,
             aliasing=_aliasing(made),
             where=where.words,
@@ -100,7 +114,7 @@ def _cards(made: Sweep) -> list[dict[str, Any]]:
             "ms": figures(point.time.value),
             "times": _compared(point, cards[0][1]),
             "tracer": point.tracer,
-            "error": figures(point.error(METRIC)),
+            "error": figures(reach(point)),
             "worst": location(point),
             "code": code(point),
             "index": index[id(point)],
@@ -113,8 +127,9 @@ def _compared(point: Point, first: Point) -> str:
     """The time of a setting relative to the first one."""
     if point is first:
         return ""
-    doubt = ", within the noise" if point.time.overlaps(first.time) else ""
-    return f"{point.time.value / first.time.value:.2g}× the time{doubt}"
+    found = ratio(point, first)
+    doubt = ", within the noise" if found.low <= 1.0 <= found.high else ""
+    return f"{found.value:.2g}× the time{doubt}"
 
 
 def _tables(made: Sweep, metric: str) -> Any:

@@ -56,6 +56,9 @@ AXES = (
 LIGHT = {"shadow_steps", "light_samples", "masking", *VARIANTS}
 """Axes that change the light, but no hit."""
 
+MARCHING = set("tracer max_steps epsilon omega beta step_scale schedule refinement steps_per_pass".split())
+"""Fields of `Quality` that change where hits lie and nothing else of the picture."""
+
 DRAWN = {"frames": (1, 256), "scale": (0.1, 4.0)}
 """Axes that are fields of a `Setting`, and the ends of their ranges."""
 
@@ -203,6 +206,12 @@ def schedule_of(marching: Marching) -> str:
     """The name of the schedule that the plan chose."""
     levels = tuple(level for level in marching.schedule.levels if level != PIXEL)
     return next(name for name, known in SCHEDULES.items() if known.levels == levels)
+
+
+def marches_alone(made: Setting, base: Quality) -> bool:
+    """True if a setting differs from a quality in the march alone, so that their pictures differ by error only."""
+    drawn = (made.frames, made.scale, made.variations) == (1, 1.0, ())
+    return drawn and MARCHING.issuperset(differences(made.quality, base))
 
 
 def differences(quality: Quality, other: Quality) -> list[str]:

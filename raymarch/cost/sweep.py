@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 import raymarch
-from raymarch.cost.drawing import Renderers, brought_to, draw, nearest, timed
+from raymarch.cost.drawing import Renderers, Spent, brought_to, draw, nearest, timed
 from raymarch.cost.errors import Errors, measure, picture_difference
 from raymarch.cost.reference import Reference
-from raymarch.cost.settings import Setting, schedule_of
+from raymarch.cost.settings import Setting, marches_alone, schedule_of
 from raymarch.cost.statistics import Median, median
+from raymarch.cost.views import View, seen_from
 from raymarch.expr.walk import find
+from raymarch.gpu import driver_cache
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.scene import Scene, check_scene
 
@@ -58,7 +60,10 @@ class Point:
     shader_bytes : size of the picture's shader.
     compile_ms, first_ms : compilation by the driver, and the first frame after it; not part of `times`.
     times : milliseconds of each measured frame. time : their median with its interval.
-    walls : wall-clock milliseconds of each measured frame: an upper bound of its true time.
+    walls : wall-clock milliseconds of each measured frame: an upper bound of its true time, of one thread.
+    wholes : milliseconds of each measured frame by the clock of `times`, with the work of Python before and between.
+    again : milliseconds of further frames, which take turns with those of its rivals: see `raymarch.cost.rivals`.
+    views : the errors in further views; empty for a setting that changes more than the march.
     depth, done, color : the rendered arrays; `done` is False where a ray ran out of steps; color may be None.
     difference : FLIP of the picture against that of `known`, (H, W); None without colours.
     known : the reference of the comparison.
@@ -83,7 +88,10 @@ class Point:
     schedule: str = "single"
     all_evaluations: float = float("nan")
     walls: list[float] = field(default_factory=list, repr=False)
+    wholes: list[float] = field(default_factory=list, repr=False)
     times: list[float] = field(default_factory=list)
+    again: list[float] = field(default_factory=list, repr=False)
+    views: list[Errors] = field(default_factory=list, repr=False)
 
     @property
     def name(self) -> str:
@@ -96,9 +104,15 @@ class Point:
 
     @property
     def cpu(self) -> float:
-        """Milliseconds of a frame beside the drawing: the median of `walls` less `times`; nan if there are none."""
-        beside = [wall - claimed for claimed, wall in zip(self.times, self.walls, strict=True)]
+        """Milliseconds of a frame beside the drawing: the median of `wholes` less `times`; nan if there are none."""
+        beside = [whole - claimed for claimed, whole in zip(self.times, self.wholes, strict=True)]
         return median(beside).value if beside else float("nan")
+
+    def add(self, spent: Spent) -> None:
+        """Add the time of a frame."""
+        self.times.append(spent.drawing)
+        self.walls.append(spent.wall)
+        self.wholes.append(spent.whole)
 
     @property
     def error_time(self) -> float:
@@ -128,6 +142,7 @@ class Sweep:
     untimed : why no times were taken; "" if they were. The front is then by evaluations.
     moment : the time of the frames in seconds, for a scene that reads it; else None.
     proof : figures of a proof of the picture with the scene's own quality, its sentence as "words"; None without one.
+    views : the names of the further views in which settings of the march were judged.
     estimate : True if the field of the scene is an estimate. note : what the errors of a blurred picture are; or "".
     """
 
@@ -143,6 +158,7 @@ class Sweep:
     estimate: bool = False
     note: str = ""
     proof: Mapping[str, Any] | None = None
+    views: tuple[str, ...] = ()
 
     @property
     def floor(self) -> float:
@@ -184,6 +200,7 @@ def sweep(
     output: str = "color",
     judge: Judge | None = None,
     count: Count | None = None,
+    seen: Sequence[View] = (),
 ) -> Sweep:
     """Measure a scene at each of some settings.
 
@@ -197,6 +214,7 @@ def sweep(
     judge : returns the reference of a setting where it is not `known`.
     count : counts all evaluations, `raymarch.cost.effects.evaluations_of`; called for the first setting and for those
         that change the light.
+    seen : further views, in which settings of the march are judged; see `raymarch.cost.views`.
     """
     check_scene("sweep", scene)
     if not settings or repeats < 1:
@@ -210,17 +228,19 @@ def sweep(
             tell(f"errors: {setting.name}", 2 * i / total)
             judged = known if judge is None else judge(setting)
             points.append(examine(scene, setting, judged, renderers.of(setting), time, params, output))
+            if marches_alone(setting, settings[0].quality):
+                views = [seen_from(view, scene, setting, renderers.of(setting), time, params) for view in seen]
+                points[i].views = views
             if count is not None and (setting.light or i == 0):
                 points[i].all_evaluations = count(setting.of(scene), renderers.of(setting), time, params)
         done = 2 * len(settings)
         for i in turns(len(settings), repeats, seed):
             setting = points[i].setting
             tell(f"time: {setting.name}", done / total)
-            claimed, wall = timed(scene, setting, renderers.of(setting), time, params, output)
-            points[i].times.append(claimed)
-            points[i].walls.append(wall)
+            points[i].add(timed(scene, setting, renderers.of(setting), time, params, output))
             done += 1
-    return Sweep(name, known, points, seed, repeats, environment(renderer), **facts_of(scene, time))
+    names = tuple(view.name for view in seen)
+    return Sweep(name, known, points, seed, repeats, environment(renderer), views=names, **facts_of(scene, time))
 
 
 def facts_of(scene: Scene, time: float) -> dict[str, Any]:
@@ -296,6 +316,7 @@ def environment(renderer: Any) -> dict[str, Any]:
         "draws_on": "CPU" if driver.is_software else "GPU",
         "backend": renderer.context.backend,
         "clock": {"kind": renderer.clock.kind, "verdict": renderer.clock.verdict},
+        "driver_cache": "off" if driver_cache.is_off() else "as the driver has it",
         "machine": {"processor": platform.machine(), "cores": os.cpu_count(), "system": platform.system()},
         "versions": {
             "raymarch": raymarch.__version__,

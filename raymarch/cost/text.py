@@ -16,6 +16,8 @@ from raymarch.cost.sweep import Point, Sweep
 from raymarch.cost.variants import VARIANTS
 
 Column = tuple[str, Callable[[Point], str]]
+JUDGED = ("pixels_p99", "pixels_p999", "missed", "false")
+"""The errors of further views."""
 FORMAT = 1
 """Version of the JSON format; it increases when a name changes its meaning or is removed."""
 
@@ -44,6 +46,7 @@ def as_dict(made: Sweep, metric: str = "pixels_p99") -> dict[str, Any]:
         },
         "floor": _number(made.floor),
         "proof": made.proof,
+        "views": list(made.views),
         "points": [_point(p, made, id(p) in front) for p in made.points],
     }
 
@@ -56,6 +59,7 @@ def _point(point: Point, made: Sweep, on_front: bool) -> dict[str, Any]:
         "preset": point.setting.preset,
         "on_front": on_front,
         "errors": point.errors.as_dict(),
+        "views": [{name: view.as_dict()[name] for name in JUDGED} for view in point.views],
         "evaluations": point.evaluations,
         "evaluations_over_floor": _number(point.evaluations / made.floor if made.floor > 0 else float("nan")),
         "worst_evaluations": point.worst_evaluations,
@@ -86,7 +90,7 @@ def as_csv(made: Sweep, metric: str = "pixels_p99") -> str:
     """A line for each setting; the columns are those of the JSON, with dots between nested names."""
     rows = [_flat(p) for p in as_dict(made, metric)["points"]]
     for row in rows:
-        del row["milliseconds.all"]
+        del row["milliseconds.all"], row["views"]
     stream = io.StringIO()
     writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
     writer.writeheader()
@@ -204,7 +208,7 @@ def findings(made: Sweep, metric: str = "pixels_p99") -> list[str]:
     where = f"{env['driver']['renderer']}, {env['date'][:10]}"
     lines = [
         f"{made.repeats} frames of each setting in random order (seed {made.seed}), medians with 95 % intervals, "
-        f"by the {env['clock']['kind']}; {where}"
+        f"by {'' if env['clock']['kind'] == 'CPU time' else 'the '}{env['clock']['kind']}; {where}"
         if not made.untimed
         else f"no times: {made.untimed}; {where}"
     ]
@@ -240,13 +244,45 @@ def findings(made: Sweep, metric: str = "pixels_p99") -> list[str]:
     if made.base.times:
         drawn, beside = made.base.time.value, made.base.cpu
         lines.append(f"of its frames, drawing takes {drawn:.2f} ms, and the CPU {beside:.2f} ms before and between")
-    if made.proof is not None:
-        lines.append(f"proved by intervals, for the scene's own setting: {made.proof['words']}")
+    lines += [line[0].lower() + line[1:-1] for line in (judged(made), first_frames(made)) if line]
     unsound = sum(not p.errors.sound for p in made.points)
     if unsound:
         lines.append(f"{unsound} settings have missed or false hits and are never on the front")
     lines += [f"CHECK FAILED, {c.name}: {c.words}" for c in made.checks if not c.holds]
     return lines
+
+
+def judged(made: Sweep) -> str:
+    """How the recommended settings were judged; "" without further views."""
+    if not made.views:
+        return ""
+    return (
+        f"A setting of the march is recommended only if it keeps its error in {len(made.views)} further views too: "
+        f"{', and '.join(made.views)}. It is called faster if it surely takes a tenth less; else the two tie, and the "
+        "sturdier one is recommended, the scene's own first."
+    )
+
+
+def first_frames(made: Sweep) -> str:
+    """With what first frames were measured; "" without times."""
+    if made.untimed:
+        return ""
+    if made.environment.get("driver_cache") == "off":
+        return "First frames are measured with the driver's disk cache of shaders switched off."
+    return "First frames may be short: the driver's disk cache of shaders may hold them from an earlier run."
+
+
+def proof_words(made: Sweep) -> str:
+    """The share of pixels that intervals prove at the scene's own setting; "" without a proof."""
+    if made.proof is None:
+        return ""
+    given = made.proof
+    if given["pixels"] == 0:
+        return str(given["words"])
+    share = given["proved"] / given["pixels"]
+    exact = given["proved"] == given["pixels"]
+    percent = "100" if exact else f"{min(100.0 * share, 99.99):.2f}"
+    return f"Proved by intervals at the scene's own setting, {percent} % of the pixels: {given['words']}."
 
 
 def worth(front: Sequence[Point], metric: str) -> list[Point]:

@@ -7,10 +7,10 @@ clock measures from an idle device to an idle device.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Literal, TypeAlias
 
 from raymarch.gpu.context import Context
@@ -28,7 +28,7 @@ or at 2147 ms in versions that read them as signed."""
 Timer: TypeAlias = Callable[[Callable[[], None]], float]
 """A function that runs a draw and returns its measured time in milliseconds."""
 
-Kind: TypeAlias = Literal["gpu timer", "wall clock"]
+Kind: TypeAlias = Literal["gpu timer", "wall clock", "CPU time"]
 
 _LOADS = (1, 2, 4)
 _REPEATS = 3
@@ -67,7 +67,11 @@ class Clock:
 
     context : the OpenGL context; bound by every method.
     timer : for tests: replaces OpenGL's timer query, and is used if it agrees.
+    by_cpu : True to time such a driver by the CPU time of the process, of all its threads, in place of the wall clock:
+        to compare settings while other programs run. A frame of several threads takes less than its CPU time.
     """
+
+    by_cpu: bool = False
 
     def __init__(self, context: Context, timer: Timer | None = None) -> None:
         self._context = context
@@ -85,12 +89,15 @@ class Clock:
     @property
     def kind(self) -> Kind:
         """The clock that `time` uses."""
-        return "wall clock" if self._is_software or not self.trial.agrees else "gpu timer"
+        if self._is_software:
+            return "CPU time" if self.by_cpu else "wall clock"
+        return "gpu timer" if self.trial.agrees else "wall clock"
 
     @property
     def verdict(self) -> str:
         """The clock in use and the reason, with measured numbers, as one sentence."""
-        also = "; the driver renders on the CPU, so the wall clock is used" if self._is_software else ""
+        used = "CPU time" if self.by_cpu else "the wall clock"
+        also = f"; the driver renders on the CPU, so {used} is used" if self._is_software else ""
         return f"{self.kind}: {self.trial.words}{also}"
 
     def time(self, draw: Callable[[], None]) -> float:
@@ -98,8 +105,9 @@ class Clock:
 
         The wall clock includes the submission of the draw and any other work of `draw`.
         """
-        if self.kind == "wall clock":
-            return wall_time(self._context, draw)
+        kind = self.kind
+        if kind != "gpu timer":
+            return wall_time(self._context, draw) if kind == "wall clock" else cpu_time(self._context, draw)
         wall, claimed = _both(self._context, self._timer, draw)
         return claimed if wall < TIMER_SPAN_MS else wall
 
@@ -132,12 +140,47 @@ def wall_time(context: Context, draw: Callable[[], None]) -> float:
         return (perf_counter() - start) * 1e3
 
 
+def cpu_time(context: Context, draw: Callable[[], None]) -> float:
+    """CPU time of the process for `draw` in milliseconds, from an idle device to an idle device."""
+    with context.bound():
+        context.finish()
+        start = process_time()
+        draw()
+        context.finish()
+        return (process_time() - start) * 1e3
+
+
 def try_timer(context: Context, timer: Timer) -> Trial:
     """Time draws of 1, 2 and 4 times a load by both clocks at once, and compare them by `judge`.
 
     Each load is drawn three times. The draw with the shortest wall time counts, unless the timer reports more time than
     passed in one of them, which no disturbance explains.
     """
+    with _test_draws(context) as (draw, base):
+        pairs = [
+            _least_disturbed([_both(context, timer, draw(base * load)) for _ in range(_REPEATS)]) for load in _LOADS
+        ]
+    wall, claimed = zip(*pairs, strict=True)
+    agrees, words = judge(_LOADS, wall, claimed)
+    return Trial(wall, claimed, agrees, words)
+
+
+def try_growth(context: Context, timer: Timer) -> Trial:
+    """Whether a timer that other programs do not disturb grows as the load of draws does, which the wall clock of a
+    busy machine cannot tell: each load is drawn three times, and the least time counts."""
+    with _test_draws(context) as (draw, base):
+        found = [min(timer(draw(base * load)) for _ in range(_REPEATS)) for load in _LOADS]
+    first, last = found[1] - found[0], found[-1] - found[0]
+    expected = first * (_LOADS[-1] - _LOADS[0]) / (_LOADS[1] - _LOADS[0])
+    agrees = first > 0.0 and abs(last - expected) <= TOLERANCE * expected
+    times = ", ".join(f"{t:.3g}" for t in found)
+    words = f"{times} ms for draws of {', '.join(map(str, _LOADS))} times a load"
+    return Trial((), tuple(found), agrees, f"it {'grows' if agrees else 'does not grow'} with the load: {words}")
+
+
+@contextmanager
+def _test_draws(context: Context) -> Iterator[tuple[Callable[[int], Callable[[], None]], int]]:
+    """Draws of a number of iterations, and that of the lightest load."""
     with ExitStack() as stack:
         target = stack.enter_context(Target(context, _TEST_SIZE))
         program = stack.enter_context(Program(context, FULL_SCREEN, _TEST_FRAGMENT, None, "clock self-test"))
@@ -145,13 +188,7 @@ def try_timer(context: Context, timer: Timer) -> Trial:
         def draw(iterations: int) -> Callable[[], None]:
             return lambda: program.draw(target, {"iterations": iterations})
 
-        base = _lightest_load(context, draw)
-        pairs = [
-            _least_disturbed([_both(context, timer, draw(base * load)) for _ in range(_REPEATS)]) for load in _LOADS
-        ]
-    wall, claimed = zip(*pairs, strict=True)
-    agrees, words = judge(_LOADS, wall, claimed)
-    return Trial(wall, claimed, agrees, words)
+        yield draw, _lightest_load(context, draw)
 
 
 def judge(loads: Sequence[int], wall: Sequence[float], timer: Sequence[float]) -> tuple[bool, str]:

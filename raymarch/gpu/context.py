@@ -23,6 +23,7 @@ import moderngl
 from raymarch.errors import DeviceError, user_location
 from raymarch.expr.convert import plain, short
 from raymarch.gpu import current
+from raymarch.gpu.driver_cache import note_opening
 from raymarch.gpu.glfw_windows import CURES, GLFW, GlfwBinding, import_glfw, one_line
 from raymarch.gpu.signals import deferred
 from raymarch.plan.device import DeviceClass, device_class
@@ -33,9 +34,8 @@ BACKENDS = ("egl", "osmesa", "window")
 EGL_DEVICE_VARIABLE = "RAYMARCH_EGL_DEVICE"
 """Environment variable with the EGL device to use if `open_context` is called without one."""
 
-_GL_VERSION = 330
-_GL_WITH_COMPUTE = 430
-"""Asked for first, where it may be had: some drivers give exactly the version that is asked for."""
+_GL_VERSION, _GL_WITH_COMPUTE = 330, 430
+"""The second is asked for first, where it may be had: some drivers give exactly the version that is asked for."""
 _SOFTWARE_RENDERERS = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader", "basic render", "gdi generic")
 
 
@@ -382,6 +382,7 @@ def _opening() -> Iterator[None]:
     """Restore the current context, and the result of `moderngl.get_context` for other code, after the block."""
     store: Any = getattr(moderngl, "_store", None)
     default = getattr(store, "default_context", None)
+    note_opening()
     with _OPENING, deferred(), current.kept():
         try:
             yield
@@ -460,8 +461,7 @@ def _egl_device(device: int | None) -> int:
 
 
 def _create_egl(device: int) -> moderngl.Context:
-    # The stubs of moderngl 5.13 declare every extra setting to be a dict.
-    settings: dict[str, Any] = {"backend": "egl", "device_index": device}
+    settings: dict[str, Any] = {"backend": "egl", "device_index": device}  # to moderngl's stubs each setting is a dict
     try:
         return moderngl.create_context(require=_GL_WITH_COMPUTE, standalone=True, **settings)
     except Exception:  # moderngl raises it bare; what else is wrong is told by the second try

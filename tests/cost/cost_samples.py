@@ -27,7 +27,7 @@ class FakeRenderer:
     known: Any
     kept: int = 1
     calls: list[rm.Quality] = field(default_factory=list)
-    clock: Any = field(default_factory=lambda: SimpleNamespace(kind="wall clock", verdict="ours"))
+    clock: Any = field(default_factory=lambda: SimpleNamespace(kind="wall clock", verdict="ours", by_cpu=False))
     context: Any = field(
         default_factory=lambda: SimpleNamespace(
             backend="none", driver=SimpleNamespace(renderer="ours", vendor="us", version="1", is_software=True)

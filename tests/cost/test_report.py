@@ -215,7 +215,7 @@ def test_only_what_makes_a_difference_is_worth_having(made):
 
 
 def test_the_part_of_the_cpu_is_named_beside_that_of_the_drawing(made):
-    base = replace(made.base, times=[2.0, 3.0, 2.5], walls=[3.0, 4.5, 3.75])
+    base = replace(made.base, times=[2.0, 3.0, 2.5], wholes=[3.0, 4.5, 3.75])
     assert base.cpu == 1.25
     told = findings(replace(made, points=[base, *made.points[1:]]))
     assert "of its frames, drawing takes 2.50 ms, and the CPU 1.25 ms before and between" in told

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from raymarch.gpu import clock as module
-from raymarch.gpu.clock import Clock, Trial, gl_timer, judge, try_timer, wall_time
+from raymarch.gpu.clock import Clock, Trial, gl_timer, judge, try_growth, try_timer, wall_time
 from raymarch.gpu.context import Context
 
 LOADS = (1, 2, 4)
@@ -135,3 +135,17 @@ def test_a_draw_beyond_the_timers_span_is_timed_by_the_wall_clock(egl: Context, 
     assert clock.time(lambda: None) == 123.0
     monkeypatch.setattr(module, "TIMER_SPAN_MS", 0.0)
     assert clock.time(lambda: None) != 123.0
+
+
+def test_cpu_time_replaces_the_wall_clock_where_asked(egl: Context) -> None:
+    """Load of other programs lengthens the wall clock alone: here, a pause in the draw."""
+    if not egl.driver.is_software:
+        pytest.skip("frames of a GPU take no CPU time")
+    clock = Clock(egl)
+    assert clock.time(lambda: sleep(0.05)) > 45.0
+    clock.by_cpu = True
+    assert clock.kind == "CPU time" and clock.time(lambda: sleep(0.05)) < 25.0
+    assert "so CPU time is used" in clock.verdict
+    grown = try_growth(egl, clock.time)
+    assert grown.agrees, grown.words
+    assert not try_growth(egl, lambda draw: 3.0).agrees, "a clock that stands still"
