@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import io
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any
+from types import FrameType
+from typing import TYPE_CHECKING, Any
 
-from raymarch.errors import RaymarchError
-from raymarch.gpu.prepare import Prepared, prepare
+from raymarch.errors import Location, RaymarchError, SceneError, is_users
+from raymarch.gpu.prepare import prepare
 from raymarch.plan.device import SOFTWARE, DeviceClass
 from raymarch.plan.live_lights import LightMemory
 from raymarch.scene.file import load
@@ -26,12 +27,15 @@ from raymarch.window.shot import progressive
 from raymarch.window.trials import Answer, Trials
 from raymarch.window.watch import Watch
 
+if TYPE_CHECKING:
+    from _typeshed import TraceFunction
+
 PATIENCE = 60.0
 """Time limit of a trial in seconds. Large scenes may compile for a while."""
 
 HERE_AT_LEAST = 5.0
 HERE_FACTOR = 20.0
-"""Time limits of loading in the window's process after a trial: seconds, and a multiple of the time of the trial."""
+"""Time limits of loading what a trial could not send: seconds, and a multiple of the time of the trial."""
 
 
 class Reloader:
@@ -168,61 +172,62 @@ class Reloader:
         return None
 
     def _load_here(self, file: Path, answer: Answer) -> None:
-        took = sum(answer["ms"].values()) * 1e-3
-        found = _guarded(
-            lambda: _load(file, self.size, answer["packed"], self.device, self._lights),
-            max(HERE_AT_LEAST, HERE_FACTOR * took),
-        )
-        if isinstance(found, RaymarchError):
-            self._tell(Failed(Fault.of(found)))
-        elif isinstance(found, BaseException):
-            self._tell(Failed(Fault(f"{type(found).__name__}: {found}", "", str(file), 1)))
-        else:
-            scene, prepared, ms = found
-            if answer["baked"]:
-                self._constants.forget()
-            prepared, _ = self._constants.fit(prepared)
-            trial = {f"trial {name}": spent for name, spent in answer["ms"].items()}
-            self._tell(Loaded(scene, prepared, file, {**trial, **ms}))
+        start = time.perf_counter()
+        try:
+            scene = unpacked(answer["packed"], Scene)
+            if scene is None:
+                took = sum(answer["ms"].values()) * 1e-3
+                scene = _loaded(file, max(HERE_AT_LEAST, HERE_FACTOR * took))
+            middle = time.perf_counter()
+            drawn = progressive(scene)
+            live = self._lights.fit(drawn, str(file))
+            prepared = prepare(drawn, size=self.size, device=self.device, live=live)
+        except RaymarchError as fault:
+            self._tell(Failed(Fault.of(fault)))
+            return
+        if answer["baked"]:
+            self._constants.forget()
+        prepared, _ = self._constants.fit(prepared)
+        ms = {"import": 1e3 * (middle - start), "plan": 1e3 * (time.perf_counter() - middle)}
+        trial = {f"trial {name}": spent for name, spent in answer["ms"].items()}
+        self._tell(Loaded(scene, prepared, file, {**trial, **ms}))
 
 
-def _load(
-    file: Path, size: tuple[int, int], sent: str | None, device: DeviceClass, lights: LightMemory
-) -> tuple[Scene, Prepared, dict[str, float]]:
-    """The scene that a trial sent; it is loaded here if it could not be sent."""
-    start = time.perf_counter()
-    scene = unpacked(sent, Scene)
-    if scene is None:
-        with contextlib.redirect_stdout(io.StringIO()):  # the trial has printed it already
-            scene = staged(load(file))
-    middle = time.perf_counter()
-    drawn = progressive(scene)
-    prepared = prepare(drawn, size=size, device=device, live=lights.fit(drawn, str(file)))
-    return scene, prepared, {"import": 1e3 * (middle - start), "plan": 1e3 * (time.perf_counter() - middle)}
+class _TooLong(BaseException):
+    """Raised at a line of the user that is executed after a time limit."""
 
 
-class _Interrupted(BaseException):
-    """Raised in a thread that has taken too long."""
+def _loaded(file: Path, seconds: float) -> Scene:
+    """The scene of a file that a trial loaded but could not send; SceneError if it takes longer than some seconds.
 
-    def __str__(self) -> str:
-        return "the scene file did not end, although its trial did"
+    It is loaded in a thread of its own, which looks at the clock at each line of the user and ends there.
+    """
+    found: list[Scene | BaseException] = []
+    until = time.monotonic() + seconds
+    last = Location(str(file), 1)
 
-
-def _guarded(work: Callable[[], Any], seconds: float) -> Any:
-    """Run `work` with a time limit; returns its result or raises its exception. Python code is interrupted at the
-    limit."""
-    box: list[Any] = []
+    def at_line(frame: FrameType, event: str, _: Any) -> TraceFunction | None:
+        nonlocal last
+        last = Location(frame.f_code.co_filename, frame.f_lineno)
+        if time.monotonic() > until:
+            raise _TooLong
+        return at_line
 
     def run() -> None:
+        sys.settrace(lambda frame, *_: at_line if is_users(frame.f_code.co_filename) else None)
         try:
-            box.append(work())
+            with contextlib.redirect_stdout(io.StringIO()):  # the trial has printed it already
+                found.append(staged(load(file)))
         except BaseException as fault:
-            box.append(fault)
+            found.append(fault)
 
     thread = threading.Thread(target=run, name="load", daemon=True)
     thread.start()
-    thread.join(seconds)
-    if thread.is_alive() and thread.ident is not None:
-        ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident), ctypes.py_object(_Interrupted))
-        thread.join(1.0)
-    return box[0] if box else _Interrupted()
+    thread.join(seconds + 1.0)
+    if not found or isinstance(found[0], _TooLong):
+        raise SceneError("the scene file did not end, although its trial did", where=last)
+    if isinstance(found[0], RaymarchError):
+        raise found[0]
+    if isinstance(found[0], BaseException):
+        raise SceneError(f"{type(found[0]).__name__}: {found[0]}", where=last)
+    return found[0]

@@ -10,7 +10,6 @@ import pytest
 
 import raymarch as rm
 from raymarch.export import notebook
-from raymarch.plan.device import SOFTWARE
 from raymarch.scene.scene import scene_of
 from raymarch.scene.studio import CLAY, GROUND, staged
 from raymarch.window import reload
@@ -48,7 +47,7 @@ def test_the_studio_is_a_scene_to_start_from() -> None:
 def test_windows_pages_and_pictures_show_the_same(tmp_path: Path) -> None:
     file = tmp_path / "ball.py"
     file.write_text("import raymarch as rm\nscene = rm.sphere()\n")
-    loaded, _, _ = reload._load(file, SIZE, None, SOFTWARE)
+    loaded = reload._loaded(file, 60.0)
     assert loaded == staged(scene_of(rm.sphere())) == notebook.as_scene(rm.sphere())
     rm.export(rm.sphere(), tmp_path / "ball.html")
     assert str(GROUND.color.data[0]) in (tmp_path / "ball.html").read_text()

@@ -18,6 +18,7 @@ from raymarch import cache
 from raymarch.files import may_belong, recorded
 from raymarch.scene.file import load
 from raymarch.window import commands as do
+from raymarch.window import reload
 from raymarch.window.constants import Constants
 from raymarch.window.model import Model, Show
 from raymarch.window.news import Failed, Fault, Loaded, Started, Watching
@@ -148,6 +149,31 @@ def test_what_hangs_can_be_stopped(live: Live) -> None:
     assert live.model.state is before
     live.save(SCENE)  # the next save takes the place of what hangs
     live.wait(Loaded)
+
+
+OWN_LIGHT = """
+import raymarch as rm
+class Lamp(rm.Sun):
+    pass
+scene = rm.Scene(rm.sphere(), lights=[Lamp()])
+"""
+"""A scene that a trial cannot send: its light is of a class of the file."""
+
+
+def test_a_scene_that_is_loaded_in_the_window_must_end_too(live: Live, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reload, "HERE_AT_LEAST", 0.5)
+    monkeypatch.setattr(reload, "HERE_FACTOR", 0.0)
+    before = threading.active_count()
+    live.save(f"import sys\nif 'pytest' in sys.modules:\n    while True:\n        pass\n{OWN_LIGHT}")  # no trial has it
+    assert "did not end" in live.wait(Failed).fault.what
+    assert where(live)[0] == "scene.py" and where(live)[1] in (3, 4), live.model.fault
+    assert threading.active_count() == before
+    live.save(f"import sys\nif 'pytest' in sys.modules:\n    1 / 0\n{OWN_LIGHT}")
+    live.wait(Failed)
+    assert where(live) == ("scene.py", 3)
+    live.save(OWN_LIGHT)
+    live.wait(Loaded)
+    assert live.model.fault is None and type(live.model.state.scene.lights[0]).__name__ == "Lamp"
 
 
 CRASHES = {
