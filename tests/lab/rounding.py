@@ -6,7 +6,7 @@ import argparse
 
 import numpy as np
 
-from tests.proof.test_rounding import ONE, TWO, arguments, outside
+from tests.proof.test_rounding import ONE, TWO, drawn, outside
 
 AT_ONCE = 20_000
 
@@ -18,16 +18,14 @@ def main() -> int:
     given = parser.parse_args()
     failed = 0
     for name in given.names or [*ONE, *TWO]:
-        rule, exact, ends = {**ONE, **TWO}[name]
+        rule, exact, _ = {**ONE, **TWO}[name]
         bad: list[tuple[float, ...]] = []
         tried = seed = 0
         while tried < given.count:
-            values = [arguments(ends, AT_ONCE, 100 + 2 * seed + k) for k in range(2 if name in TWO else 1)]
-            least = min(map(len, values))
-            values = [v[:least] for v in values]
+            values = drawn(name, AT_ONCE, 100 + 2 * seed)
             with np.errstate(all="ignore"):
                 bad += outside(rule(*((v, v) for v in values)), exact, *values)
-            tried, seed = tried + least, seed + 1
+            tried, seed = tried + len(values[0]), seed + 1
         print(f"| {name} | {tried:,} | {len(bad)} |", *bad[:3], flush=True)
         failed += len(bad)
     return 1 if failed else 0

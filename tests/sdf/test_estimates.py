@@ -7,7 +7,7 @@ import raymarch as rm
 from raymarch.expr.vocabulary import length
 from raymarch.plan import plan
 from raymarch.sdf.definition import REGISTRY
-from raymarch.sdf.levels import flatness, has_levels
+from raymarch.sdf.levels import flatness, has_levels, slopes_at_surface
 
 FAR = 7.0
 """From here on log(r) r / 2 is larger than r - 1."""
@@ -114,3 +114,21 @@ def test_samples_tell_how_flat_their_field_is():
         node = rm.grid(np.maximum(plate, np.max(np.abs([x, y, z]), axis=0) - 0.95).T)
         assert flatness(node) == pytest.approx(steepest / slope, rel=1e-5)
         assert flatness(node.scale(3.0) | rm.sphere()) == flatness(node)
+
+
+def test_a_solid_that_touches_its_image_is_not_flat():
+    """Its field is 0 on the plane of the mirror, where the gradient is 0."""
+    shear = np.eye(4)
+    shear[0, 1] = 1.1
+    node = rm.cylinder(1.0, 2.0).translate((0, 1, 0)).mirror("y").transform(shear)
+    assert slopes_at_surface(node)[0] > 0.3
+    assert plan(rm.Scene(node, lights=[rm.Sun((1, 1, 1), shadow=True, softness=0.1)])).further
+
+
+def test_pipes_and_means_tell_how_flat_their_field_is():
+    """Their spread is not known."""
+    pipe = rm.pipe(rm.sphere(), rm.sphere(1.1).translate((0.05, 0.02, 0)), 0.072)
+    assert flatness(pipe) == pytest.approx(np.sqrt(2.0) / slopes_at_surface(pipe)[0]) and flatness(pipe) > 16.0
+    assert flatness(pipe | rm.sphere()) == flatness(pipe) and plan(rm.Scene(pipe)).contact_share < 1.0 / 30.0
+    mean = rm.morph(rm.sphere(), rm.box(1.2), 0.4)
+    assert 1.0 < flatness(mean) < 2.0 and plan(rm.Scene(mean)).contact_share == 1.0 / 16.0

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from raymarch.proof import COLORS
+from raymarch.proof.search import CONTRADICTED
 from raymarch.window.inputs import help_text
 from tests.support.window_driver import PATIENCE, Session
 
@@ -20,6 +22,13 @@ ball = rm.sphere(RADIUS).material(rm.Material(color="tomato", ambient=0, specula
 floor = rm.box((4, 0.2, 4)).translate((0, -1.2, 0))
 open(__file__ + ".runs", "a").write("x")
 scene = rm.Scene(ball | floor, camera=rm.Camera((0, 1, 6), (0, 0, 0)), lights=[rm.Sun((0, 1, 6))])
+"""
+STEEP = """
+@rm.shape(exactness="bound", bounds=lambda: ((-1, -1, -1), (1, 1, 1)))
+def steep(p):
+    "A ball whose field is too steep."
+    return 8 * (rm.length(p) - 1)
+
 """
 TOMATO = (255, 99, 71)
 BALL = (470, 320)
@@ -105,17 +114,31 @@ def test_tab_never_reaches_the_fields_of_the_panel(session: Session) -> None:
 
 
 def test_the_proof_over_the_picture(session: Session) -> None:
-    """Green where hits are proved, and judged anew when the camera moves."""
+    """Green where hits are proved, from the centre outwards, and judged anew when the camera moves."""
     hand, mark = session.hand, session.mark()
     before = pixel(session.hand.see(), BALL)
     hand.key("t")
-    session.wait("proof", lambda e: e["share"] == 1.0, mark)
+    session.wait("proof", lambda e: e["share"] > 0.5, mark)
     green = np.array(pixel(session.settled(), BALL), int) - before
     assert green[0] < -40 and green[1] > green[0] + 30
     mark = session.mark()
     hand.drag((600, 600), (560, 600), steps=2)
-    session.wait("proof", lambda e: e["share"] == 1.0, mark)
+    session.wait("proof", lambda e: e["share"] < 0.5, mark)
     hand.key("t")
+
+
+def test_a_wrong_fact_is_red(session: Session) -> None:
+    """A field that is eight times as steep as it states: rays go through the ball."""
+    mark = session.save(SCENE.replace("rm.sphere(RADIUS)", "steep()").replace("ball =", f"{STEEP}ball ="))
+    session.wait("loaded", since=mark)
+    session.settled()
+    mark = session.mark()
+    session.hand.key("t")
+    session.wait("proof", lambda e: e["share"] > 0.5, mark)
+    picture = session.settled()
+    red = np.all(np.abs(picture.astype(int) - COLORS[CONTRADICTED]) <= 3, axis=-1)
+    assert red[220:420, 370:570].sum() > 200 and not red[:, :300].any()
+    session.hand.key("t")
 
 
 def test_typing_a_number_does_not_fly(session: Session) -> None:
