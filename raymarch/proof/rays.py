@@ -78,6 +78,12 @@ class Stretch:
     def __getitem__(self, rows: Any) -> Stretch:
         return Stretch(self.rays[rows], self.operands[rows], self.start[rows], self.end[rows])
 
+    def halved(self) -> Stretch:
+        """The first halves, then the second ones."""
+        middle = 0.5 * (self.start + self.end)
+        first = Stretch(self.rays, self.operands, self.start, middle)
+        return Stretch.joined([first, Stretch(self.rays, self.operands, middle, self.end)])
+
     @staticmethod
     def joined(parts: Sequence[Stretch]) -> Stretch:
         names = ("rays", "operands", "start", "end")

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from raymarch.proof.parts import Operands
 from raymarch.proof.rays import Rays, Stretch, Whole
-from raymarch.proof.rounding import Array
+from raymarch.proof.rounding import Array, Interval
 
 PROVED, CONTRADICTED, OPEN = 0, 1, 2
 
@@ -24,8 +24,11 @@ MOST = 5000
 TOGETHER = 1 << 17
 """Stretches in work at once; this bounds the memory."""
 
+FEW = MOST // 10
+"""The same for what lies behind a stretch that stays undecided: the ray is open already."""
+
 BLIND = 32.0
-"""Length of a stretch, in tolerances, that is not halved if its enclosure has no bounds at all."""
+"""Length of a stretch, in tolerances, that is not halved if its enclosure and that of its centre are unbounded."""
 
 SLIVER = 1.0 / 8.0
 """Length of a stretch that is judged by the points around it, in tolerances."""
@@ -133,6 +136,7 @@ def free(
     """
     left, thin = [verdict.left], [EMPTY]
     pending, within = [work], given.within
+    stuck = np.full(len(given), np.inf)
     while pending:
         now = pending.pop()
         if len(now) > TOGETHER:
@@ -150,8 +154,9 @@ def free(
         length = now.end - now.start
         in_solid = ~is_free & (at[1] < 0.0)
         stop = in_solid.copy()
+        blind = ~_bounded(range_) & ~_bounded(at)
         if slivers:
-            tiny = length <= SLIVER * within[now.rays]
+            tiny = ~blind & (length <= SLIVER * within[now.rays])
             rows = np.flatnonzero(~is_free & (in_solid | tiny))
             shallow = _around(given, now.rays[rows], centre[rows], verdict, outside=True)
             in_solid[rows[shallow]] = stop[rows[shallow]] = False
@@ -159,22 +164,24 @@ def free(
             thin.append(now[rows])
             is_free[rows] = True
         np.minimum.at(verdict.high, now.rays[in_solid], centre[in_solid])
-        blind = np.isinf(range_[0]) & np.isinf(range_[1]) & (length <= BLIND * within[now.rays])
-        stop |= (length <= shortest[now.rays]) | (verdict.evaluations[now.rays] > MOST) | blind
+        stop |= blind & (length <= BLIND * within[now.rays])
+        most = np.where(now.start > stuck[now.rays], FEW, MOST)
+        stop |= (length <= shortest[now.rays]) | (verdict.evaluations[now.rays] > most)
         left.append(now[~is_free & stop])
+        np.minimum.at(stuck, left[-1].rays, left[-1].start)
         go = now[~is_free & ~stop]
         if len(go):
-            middle = 0.5 * (go.start + go.end)
-            halves = Stretch(go.rays, go.operands, go.start, middle), Stretch(go.rays, go.operands, middle, go.end)
-            pending.append(Stretch.joined(halves))
+            pending.append(go.halved())
         if progress is not None:
-            open_ = np.zeros(len(given), bool)
-            for part in pending:
-                open_[part.rays] = True
-            progress(1.0 - float(open_.mean()))
+            open_ = np.unique(np.concatenate([_NONE, *(part.rays for part in pending)]))
+            progress(1.0 - len(open_) / len(given))
     verdict.left = Stretch.joined(left)
     np.minimum.at(verdict.low, verdict.left.rays, verdict.left.start)
     return Stretch.joined(thin)
+
+
+def _bounded(value: Interval) -> NDArray[np.bool_]:
+    return np.isfinite(value[0]) & np.isfinite(value[1])
 
 
 def _late(given: Given, thin: Stretch, free_to: Array, found: NDArray[np.bool_], verdict: Verdict) -> None:
