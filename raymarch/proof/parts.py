@@ -190,30 +190,43 @@ class Operands:
         if not len(jumps):
             return
         count = np.where(np.isnan(results[0][some]) | (results[0][some] <= 0.0), jumps.sum(axis=0), 0)
-        for k in range(1, SIDES + 1):
-            rows = np.flatnonzero(count == k)
-            if not len(rows):
-                continue
-            which = np.argsort(~jumps[:, rows], axis=0, kind="stable")[:k]
-            ends = [np.full(len(rows), end) for end in (np.inf, -np.inf, np.inf, -np.inf)]
+        every, sides = _sides(jumps, count)
+        ends = [np.full(len(part), end) for end in (np.inf, -np.inf, np.inf, -np.inf)]
+        for i in range(0, len(every), ROWS):
+            rows = every[i : i + ROWS]
             own, centre = part[rows], middle[rows]
-            for combination in range(2**k):
-                sides = np.full((len(jumps), len(rows)), -1, np.int8)
-                for j in range(k):
-                    sides[which[j], np.arange(len(rows))] = combination >> j & 1
-                with stretches(up(centre - own.start), up(own.end - centre)), jumping(sides):
-                    points = rays.points(own.rays, own.start, own.end, centre)
-                    found = form.enclose(points, self.row_of[own.operands])
-                for low, high, value in zip(ends[::2], ends[1::2], (found.range, found.at), strict=True):
-                    np.minimum(low, np.where(np.isnan(value[0]), -np.inf, value[0]), out=low)
-                    np.maximum(high, np.where(np.isnan(value[1]), np.inf, value[1]), out=high)
-            at = some[rows]
-            for result, end, inner in zip(results, ends, (np.fmax, np.fmin) * 2, strict=False):
-                result[at] = inner(result[at], end)
+            with stretches(up(centre - own.start), up(own.end - centre)), jumping(sides[:, i : i + ROWS]):
+                points = rays.points(own.rays, own.start, own.end, centre)
+                found = form.enclose(points, self.row_of[own.operands])
+            for low, high, value in zip(ends[::2], ends[1::2], (found.range, found.at), strict=True):
+                np.minimum.at(low, rows, np.where(np.isnan(value[0]), -np.inf, value[0]))
+                np.maximum.at(high, rows, np.where(np.isnan(value[1]), np.inf, value[1]))
+        tried = np.unique(every)
+        for result, end, inner in zip(results, ends, (np.fmax, np.fmin) * 2, strict=False):
+            result[some[tried]] = inner(result[some[tried]], end[tried])
 
     def met(self, rays: Rays, start: Array, end: Array) -> Stretch:
         """The parts of all rays, from start to end, in the boxes of the operands."""
         return self.boxes.met(rays, start, end)
+
+
+def _sides(jumps: Array, count: Array) -> tuple[Whole, Array]:
+    """The stretches over up to `SIDES` jumps, each once for all combinations of sides, and the sides as of
+    `Stretches.sides`.
+
+    jumps : (operations, n). count : jumps of each stretch, (n,).
+    """
+    every, sides = [np.zeros(0, np.int64)], [np.zeros((len(jumps), 0), np.int8)]
+    for k in range(1, SIDES + 1):
+        rows = np.flatnonzero(count == k)
+        which = np.argsort(~jumps[:, rows], axis=0, kind="stable")[:k]
+        for combination in range(2**k if len(rows) else 0):
+            chosen = np.full((len(jumps), len(rows)), -1, np.int8)
+            for j in range(k):
+                chosen[which[j], np.arange(len(rows))] = combination >> j & 1
+            every.append(rows)
+            sides.append(chosen)
+    return np.concatenate(every), np.concatenate(sides, axis=1)
 
 
 def _assumed(roots: Sequence[Node]) -> tuple[str, ...]:
