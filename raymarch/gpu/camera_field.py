@@ -18,6 +18,7 @@ from raymarch.expr.tables import LiveTable
 from raymarch.expr.walk import find, substitute
 from raymarch.plan import Plan
 from raymarch.scene.parameter import Values
+from raymarch.sdf.facts import beyond
 
 CHEAP = 120
 """Up to so many operations a field is evaluated at the camera in each frame: in about .3 ms. Others are evaluated at
@@ -155,6 +156,5 @@ class CameraField:
     def _coarsest(self, position: NDArray[np.float64]) -> int:
         """The exponent of the first lattice: its cells fit if the field is the distance to the scene's box."""
         facts, (_, scale) = self._plan.scene.node.facts, self._plan.scene.middle
-        outside = np.maximum(np.maximum(facts.lower - position, position - facts.upper), 0.0)
-        away = float(np.linalg.norm(outside)) if facts.bounded else 0.0
+        away = float(np.linalg.norm(beyond(facts.lower, facts.upper, position))) if facts.bounded else 0.0
         return math.ceil(math.log2(max(away, 0.25 * scale) / (NEAR * 0.5 * math.sqrt(3.0))))

@@ -20,6 +20,7 @@ from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene, all_nodes
 from raymarch.scene.studio import GROUND, in_studio
 from raymarch.sdf import levels
+from raymarch.sdf.facts import beyond
 from raymarch.sdf.sampled_facts import quick_contradictions, stated_by_user
 
 OUT_OF_STEPS = 0.005
@@ -141,7 +142,7 @@ def _rounding(ready: Prepared, pose: Pose) -> tuple[float, float]:
     if subject is None:
         return 0.0, 0.0
     position = pose.position - ready.plan.origin
-    away = float(np.linalg.norm(np.maximum(np.maximum(subject.lower - position, position - subject.upper), 0.0)))
+    away = float(np.linalg.norm(beyond(subject.lower, subject.upper, position)))
     return away, 2.0 * ULP * (float(np.max(np.abs(position))) + away)
 
 

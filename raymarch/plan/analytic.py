@@ -10,15 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 
-import numpy as np
-
 from raymarch.expr.function import Function
 from raymarch.expr.node import const, var
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import max, min, where
 from raymarch.plan.hoisting import Hoisting
 from raymarch.sdf.booleans import united
-from raymarch.sdf.facts import FARTHEST, Facts
+from raymarch.sdf.facts import FARTHEST, Facts, around
 from raymarch.sdf.intersections import NAMES, has_closed_form, interval_of_ray, is_placed
 from raymarch.sdf.labels import flattened
 from raymarch.sdf.lower import Lowering
@@ -58,10 +56,7 @@ class Analytic:
     def boxes(self) -> list[Facts]:
         """The boxes outside of which nothing is marched; none if nothing is marched."""
         boxes = [node.facts for node in self.marched if not node.facts.empty]
-        if len(boxes) <= MOST_BOXES:
-            return boxes
-        lower, upper = np.min([box.lower for box in boxes], axis=0), np.max([box.upper for box in boxes], axis=0)
-        return [Facts("bound", 1.0, lower, upper)]
+        return boxes if len(boxes) <= MOST_BOXES else [around(boxes)]
 
 
 def choose(root: Node, asked: bool | None, hidden: bool = False) -> Analytic:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.sdf.blends import REACH
+from raymarch.sdf.facts import beyond
 from raymarch.sdf.rows import Form, Rows
 
 CROWD = 128
@@ -81,8 +82,7 @@ def _compact(lower: NDArray[np.float64], upper: NDArray[np.float64], margin: flo
             continue
         if float((box[1] - box[0]).max()) * FINER > extent:
             continue
-        away = np.maximum(np.maximum(lower - box[1], box[0] - upper), 0.0)
-        if not margin or np.all(np.linalg.norm(away, axis=1)[~inside] > margin):
+        if not margin or np.all(np.linalg.norm(beyond(lower, upper, *box), axis=1)[~inside] > margin):
             made.append(np.nonzero(inside)[0])
     return made
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from raymarch.expr.arrays import bound, evaluator_of
 from raymarch.expr.raw import without_twin
 from raymarch.expr.walk import find
+from raymarch.sdf.facts import around
 from raymarch.sdf.lower import field_of
 from raymarch.sdf.node import Node, all_nodes
 
@@ -107,12 +108,11 @@ def frame_of(root: Node, parts: list[Node]) -> Framed:
     """What a camera frames of a solid. parts : its largest bounded parts that are not empty."""
     few = len(all_nodes(root)) <= LARGE
     if parts:
-        lower = np.minimum.reduce([part.facts.lower for part in parts])
-        upper = np.maximum.reduce([part.facts.upper for part in parts])
+        box = around([part.facts for part in parts])
         points = farthest(np.concatenate([_outside(part, few) for part in parts]))
-        found = Framed(points, centre=(lower + upper) / 2)
+        found = Framed(points, centre=(box.lower + box.upper) / 2)
         lowest = float(points[:, 1].min())
-        lowest = float(lower[1]) if lowest - lower[1] < 0.02 * found.diameter else lowest
+        lowest = float(box.lower[1]) if lowest - box.lower[1] < 0.02 * found.diameter else lowest
         return replace(found, floor=lowest if root.facts.bounded else None)
     if not few or root.facts.empty or not (fields := list(_fields(root))):
         return Framed(CUBE)

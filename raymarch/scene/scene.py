@@ -30,7 +30,7 @@ from raymarch.scene.sky import Sky
 from raymarch.scene.tone import ToneMapping
 from raymarch.scene.value import Value, value
 from raymarch.sdf.domain import ColorLike
-from raymarch.sdf.facts import Facts
+from raymarch.sdf.facts import Facts, around
 from raymarch.sdf.labels import rows_of, seen_labels
 from raymarch.sdf.node import Node
 from raymarch.sdf.node import all_nodes as all_nodes
@@ -424,8 +424,4 @@ def _framed(root: Node) -> Framed:
 def _bounded_part(root: Node) -> Facts | None:
     """The box around the largest bounded parts; None if there are none."""
     boxes = [node.facts for node in _operands(root) if node.facts.bounded and not node.facts.empty]
-    if not boxes:
-        return None
-    lower = np.minimum.reduce([b.lower for b in boxes])
-    upper = np.maximum.reduce([b.upper for b in boxes])
-    return Facts("bound", 1.0, lower, upper)
+    return around(boxes) if boxes else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
@@ -111,3 +112,19 @@ def worst(*levels: Exactness) -> Exactness:
 def disjoint(a: Facts, b: Facts) -> bool:
     """True if the two boxes do not overlap."""
     return bool(np.any(a.upper < b.lower) or np.any(b.upper < a.lower))
+
+
+def around(boxes: Sequence[Facts]) -> Facts:
+    """The box around one box or several."""
+    lower, upper = [box.lower for box in boxes], [box.upper for box in boxes]
+    return Facts("bound", 1.0, np.minimum.reduce(lower), np.maximum.reduce(upper))
+
+
+def beyond(
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64] | None = None,
+) -> NDArray[np.float64]:
+    """How far boxes are apart along each axis, 0 where they overlap; without `high` a box is the point `low`."""
+    return np.maximum(np.maximum(lower - (low if high is None else high), low - upper), 0.0)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from raymarch.errors import SceneError, is_users
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.node import const
-from raymarch.sdf.facts import Facts
+from raymarch.sdf.facts import Facts, beyond
 from raymarch.sdf.node import Node
 from raymarch.sdf.same import remembered
 
@@ -71,8 +71,8 @@ def quick_contradictions(node: Node) -> tuple[str, ...]:
 
 def _outside(facts: Facts, points: Points, field: Points, size: float) -> Iterator[str]:
     """Solid points outside of the box, and fields that rise more slowly than the spread states."""
-    beyond = np.maximum(np.maximum(facts.lower - points, points - facts.upper), 0.0)
-    away = np.max(np.where(np.isfinite(beyond), beyond, 0.0), axis=-1)
+    apart = beyond(facts.lower, facts.upper, points)
+    away = np.max(np.where(np.isfinite(apart), apart, 0.0), axis=-1)
     solid = (away > 1e-6 * size) & (field < 0.0)
     if np.any(solid):
         k = int(np.argmax(np.where(solid, away, 0.0)))
