@@ -107,8 +107,8 @@ def ablations(scene: Scene) -> Iterator[tuple[str, Scene]]:
     if any(light.soft for light in scene.lights):
         lights = tuple(hard(light) if light.soft else light for light in scene.lights)
         yield "softness of shadows", scene.replace(lights=lights)
-    for switch in _switches([scene.sky]):
-        yield f"{switch} of the sky", scene.replace(sky=scene.sky.replace(**{switch: False}))
+    if scene.sky.lights:
+        yield "light of the sky", scene.replace(sky=scene.sky.replace(light=False))
     if len(scene.lights) > 1:
         for i, light in enumerate(scene.lights):
             rest = scene.lights[:i] + scene.lights[i + 1 :]

@@ -141,7 +141,7 @@ def harmonics(made: Plan) -> list[tuple[float, ...]]:
     sky = made.scene.sky
     if find(sky.expressions, "time", "param"):
         raise PlanError(
-            f"{type(sky).__name__}(light=True) depends on time or a Param, and an exported shader has its light as a "
+            f"{type(sky).__name__}(light=...) depends on time or a Param, and an exported shader has its light as a "
             "constant",
             legal="a sky that does not change, or light=False",
             where=sky.where,

@@ -187,7 +187,7 @@ def dark(color: NDArray[Any], scene: Scene) -> Doubt | None:
     if share <= MOSTLY or (share < 1.0 and sky.is_constant and not np.any(sky.data)):
         return None
     what = f"{share:.0%} of the picture is black: "
-    if not scene.lights and not scene.sky.light:
+    if not scene.lights and not scene.sky.lights:
         return Doubt("picture", what + "the scene has no light", "lights=[Sun()], or Sky(..., light=True)")
     return Doubt("picture", what + "the lights are too weak, too far or hidden", "a higher intensity, or another place")
 

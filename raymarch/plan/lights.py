@@ -239,7 +239,7 @@ def splittable(scene: Scene) -> int:
     occlusion and of lights. 0 in scenes whose rays bounce."""
     if scene.path_traced or scene.whitted:
         return 0
-    ambient = scene.occlusion is not None and (scene.sky.light or scene.lights)
+    ambient = scene.occlusion is not None and (scene.sky.lights or scene.lights)
     dimmed = scene.occlusion.steps if scene.occlusion is not None and ambient else 0
     return dimmed + sum(samples_of(scene, light) for light in scene.lights)
 

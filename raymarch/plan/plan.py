@@ -256,7 +256,7 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
         functions = (self.field, self.advance, self.material, self.relief, self.emission, self.glass)
         roots = [root for function in functions if function is not None for root in function.inner]
         if any(p.shades for p in self.passes):
-            roots.append(self.scene.sky.radiance)
+            roots += self.scene.sky.expressions
         return list(
             dict.fromkeys(
                 node.data for node in find(roots, "texture", "texture_in_atlas", "sample", "sample_slope", "fetch")

@@ -11,6 +11,7 @@ from raymarch.scene.bsdf import BSDF
 from raymarch.scene.light import KINDS, Light
 from raymarch.scene.material import Material
 from raymarch.scene.scene import Scene
+from raymarch.scene.sky import Sky
 from raymarch.scene.surfaces import bsdf_of
 
 
@@ -29,7 +30,7 @@ class Feature:
 
 def needs_surface(scene: Scene) -> bool:
     """True if surfaces reflect light or emit a pattern, so that their normals and materials are needed."""
-    return bool(scene.lights) or scene.sky.light or scene.path_traced or scene.whitted or _emits_pattern(scene)
+    return bool(scene.lights) or scene.sky.lights or scene.path_traced or scene.whitted or _emits_pattern(scene)
 
 
 def with_gradient(scene: Scene) -> bool:
@@ -59,7 +60,7 @@ def lit(scene: Scene) -> bool:
 
 def ambient_sky(scene: Scene) -> bool:
     """True if the sky lights surfaces by its mean. In path tracing, paths that end in the sky add its light instead."""
-    return scene.sky.light and not scene.path_traced
+    return scene.sky.lights and not scene.path_traced
 
 
 def compensated(scene: Scene) -> bool:
@@ -171,8 +172,9 @@ def _of_surroundings(scene: Scene) -> Iterator[Feature]:
         several = f"all reflected and refracted rays of up to {scene.bounces} bounces"
     why = "Quality(integrator='whitted') finds no mirror and no glass" if scene.bounces else "Scene has no bounces"
     yield feature("bounces of light", scene.path_traced or scene.whitted, several, why)
-    lit = f"{type(scene.sky).__name__}(light=True)"
-    yield feature("sky light", scene.sky.light, lit, "the sky does not light surfaces")
+    kind, light = type(scene.sky).__name__, scene.sky.light
+    lit = f"{kind}(light={'True' if light is True else 'another sky' if isinstance(light, Sky) else 'a factor'})"
+    yield feature("sky light", scene.sky.lights, lit, "the sky does not light surfaces")
     dimmed = scene.occlusion is not None and dims_ambient_light(scene)
     steps = scene.occlusion.steps if scene.occlusion is not None else 0
     why = "Scene has no occlusion" if scene.occlusion is None else "the scene has no ambient light"

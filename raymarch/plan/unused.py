@@ -38,7 +38,7 @@ def _bounces(scene: Scene) -> Iterator[Doubt]:
             yield _doubt(
                 "Quality(integrator='whitted') has no effect with bounces = 0", "Scene(bounces=1) to 4, or None"
             )
-    elif not scene.bounces and not scene.sky.light:
+    elif not scene.bounces and not scene.sky.lights:
         for m in scene.materials:
             if m.metallic and _constant(m.metalness) == 1.0 and (_constant(m.roughness) or 0.0) < SMOOTH and m.mirrors:
                 cure = "Scene(bounces=2), or a sky with light=True"

@@ -17,7 +17,7 @@ from raymarch.errors import Location, SceneError
 from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.calls import checked
 from raymarch.expr.colors import linear_color
-from raymarch.expr.convert import called, input_file, switch
+from raymarch.expr.convert import called, input_file, short
 from raymarch.expr.function import Function, sum_of, unique_function
 from raymarch.expr.images import read_image
 from raymarch.expr.node import Expr, Operand, expr, var
@@ -26,7 +26,7 @@ from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import acos, atan2, clamp, cos, dot, exp, floor, max, min, mix, tan, vec2, vec3
 from raymarch.expr.walk import free_variables
 from raymarch.scene.light import Sun
-from raymarch.scene.parameter import Values, as_color, as_direction, as_number
+from raymarch.scene.parameter import Values, as_color, as_direction, as_number, is_zero
 from raymarch.scene.value import Value, value
 from raymarch.sdf.domain import ColorLike, Scalar, Vec3Like, as_operand
 
@@ -44,18 +44,34 @@ class Sky(Value):
     light : whether the sky lights surfaces. Diffuse surfaces receive its cosine-weighted mean over their hemisphere
         (the first nine spherical harmonics, Ramamoorthi and Hanrahan 2001). Mirrors receive its colour in the direction
         of reflection, and rough surfaces a mix of both. Only `AmbientOcclusion` dims this light. False costs nothing.
+        A number >= 0 is a factor of this light, and another sky gives its light in place of this one. Camera rays then
+        see the colour of this sky, and all other rays that hit nothing the light.
 
     Raises
     ------
-    SceneError : a negative colour, or a function that does not give three numbers.
+    SceneError : a negative colour, a function that does not give three numbers, or a light of another kind.
+
+    Notes
+    -----
+    A sky of radiance L in all directions gives a surface the irradiance pi L: a diffuse one has the radiance of its
+    albedo times L.
+
+    Examples
+    --------
+    >>> white = rm.Sky("white", light=rm.GradientSky())  # a white background in daylight
+    >>> dim = rm.GradientSky(light=0.3)  # a sky that gives less light than is seen
     """
 
     BELONGS: ClassVar[str] = "Scene(sky=...)"
     color: Expr
-    light: bool
+    light: bool | Expr | Sky
 
-    def __init__(self, color: ColorLike | Callable[[Expr], Operand] = (0.14, 0.26, 0.46), light: bool = False) -> None:
-        self._set(light=switch(f"{type(self).__name__}: light", light), color=_radiance(color))
+    def __init__(
+        self,
+        color: ColorLike | Callable[[Expr], Operand] = (0.14, 0.26, 0.46),
+        light: bool | Scalar | Sky = False,
+    ) -> None:
+        self._set(light=_light(f"{type(self).__name__}: light", light), color=_radiance(color))
 
     def _identity(self) -> tuple[Any, ...]:
         return self.color, self.light
@@ -71,19 +87,45 @@ class Sky(Value):
         return self.color
 
     @property
+    def lights(self) -> bool:
+        """True if the sky lights surfaces."""
+        return not is_zero(self.light) if isinstance(self.light, Expr) else bool(self.light)
+
+    @property
+    def lighting(self) -> Expr:
+        """The radiance that lights surfaces and that rays from surfaces see, a vec3, as `radiance`."""
+        if isinstance(self.light, Sky):
+            return self.light.lighting
+        return self.light * self.radiance if isinstance(self.light, Expr) else self.radiance
+
+    @property
+    def apart(self) -> bool:
+        """True if the light differs from what camera rays see."""
+        return self.lighting is not self.radiance
+
+    @property
     def expressions(self) -> list[Expr]:
         """All values that may depend on parameters or time."""
-        return [self.radiance]
+        return [self.radiance, *([self.lighting] if self.apart else [])]
 
-    def radiance_along(self, directions: NDArray[Any], values: Values) -> np.ndarray[Any, np.dtype[np.float64]]:
-        """Radiance along unit directions, linear RGB, (N, 3) -> (N, 3), float64."""
+    def radiance_along(
+        self, directions: NDArray[Any], values: Values, lighting: bool = False
+    ) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """Radiance along unit directions, linear RGB, (N, 3) -> (N, 3), float64. lighting : for rays from surfaces."""
         with bound(values.params, values.time):
-            color = evaluator([self.radiance], [DIRECTION])(np.asarray(directions, np.float64))[0]
+            seen = self.lighting if lighting else self.radiance
+            color = evaluator([seen], [DIRECTION])(np.asarray(directions, np.float64))[0]
         return np.array(np.broadcast_to(color, np.shape(directions)), np.float64)
 
     def function(self, where: Location | None) -> Function:
         """The radiance as a function of the direction: `sky`. where : the user's line."""
         return unique_function("sky", (DIRECTION,), self.radiance, {}, where)
+
+    def lighting_function(self, where: Location | None) -> Function:
+        """The same for rays from surfaces: `sky` too, unless the light is `apart`."""
+        if not self.apart:
+            return self.function(where)
+        return unique_function("lighting_sky", (DIRECTION,), self.lighting, {}, where)
 
     def harmonics(self, values: Values) -> np.ndarray[Any, np.dtype[np.float64]]:
         """The values of `HARMONICS`, (9, 3): coefficients of the mean light on a diffuse surface.
@@ -97,7 +139,7 @@ class Sky(Value):
         directions = np.stack([s * np.cos(turn), y, s * np.sin(turn)], axis=1)
         basis = harmonics_at(directions)
         result: np.ndarray[Any, np.dtype[np.float64]] = _BANDS[:, None] * (
-            basis.T @ self.radiance_along(directions, values) / n
+            basis.T @ self.radiance_along(directions, values, lighting=True) / n
         )
         return result
 
@@ -128,6 +170,17 @@ MEAN = Function("sky_mean", (NORMAL,), max(sum_of([c * h for c, h in zip(HARMONI
 def harmonics_at(n: NDArray[Any]) -> np.ndarray[Any, np.dtype[np.float64]]:
     """The basis at unit vectors, (N, 3) -> (N, 9)."""
     return np.stack(np.broadcast_arrays(*evaluator(_BASIS, [NORMAL])(n)), axis=1)
+
+
+def _light(what: str, light: Any) -> bool | Expr | Sky:
+    """True or False, a factor, or another sky."""
+    if isinstance(light, bool | np.bool_ | Sky):
+        return light if isinstance(light, Sky) else bool(light)
+    try:
+        return as_number(what, light, low=0.0)
+    except SceneError:
+        legal = "True, False, a factor >= 0, or another sky, such as rm.Sky((1, 0.9, 0.8)) for one colour"
+        raise SceneError(f"{what} = {short(light)}", legal=legal) from None
 
 
 def _radiance(color: Any) -> Expr:
@@ -171,7 +224,7 @@ class GradientSky(Sky):
         zenith: ColorLike = (0.07, 0.16, 0.38),
         horizon: ColorLike = (0.5, 0.62, 0.75),
         ground: ColorLike = (0.15, 0.15, 0.15),
-        light: bool = False,
+        light: bool | Scalar | Sky = False,
     ) -> None:
         top, rim, low = (
             as_color(f"GradientSky: {name}", value)
@@ -215,7 +268,7 @@ class SunSky(Sky):
         turbidity: Scalar = 2.0,
         intensity: Scalar = 1.0,
         ground: ColorLike = (0.15, 0.15, 0.15),
-        light: bool = False,
+        light: bool | Scalar | Sky = False,
     ) -> None:
         towards = as_direction("SunSky: sun_direction", sun_direction)
         haze = as_number("SunSky: turbidity", turbidity, 2.0, 10.0)
@@ -279,7 +332,11 @@ class ImageSky(Sky):
     rotation: Expr
 
     def __init__(
-        self, source: str | PathLike[str], intensity: Scalar = 1.0, rotation: Scalar = 0.0, light: bool = False
+        self,
+        source: str | PathLike[str],
+        intensity: Scalar = 1.0,
+        rotation: Scalar = 0.0,
+        light: bool | Scalar | Sky = False,
     ) -> None:
         name = input_file("ImageSky: source", source, "the name of a picture's file")
         pixels = np.maximum(read_image("ImageSky", name), 0.0)

@@ -51,6 +51,8 @@ class Reflection:
         known = surface | {name: var(name, of) for name, of in self.prepared.items()}
         self.lobes = len(self.bsdf.lobes(self._at(known)[0], var("n_dot_v", FLOAT)))
         self._made: dict[str, Function] = {}
+        self.sky_name = plan.scene.sky.lighting_function(None).name
+        """The function of the sky's radiance that lights surfaces."""
 
     def prepare(self) -> list[str]:
         """The lines that compute what depends on the view alone."""
@@ -93,7 +95,7 @@ class Reflection:
 
         given = {
             "mean": (VEC3, "sky_mean(surface.normal)"),
-            "mirrored": (VEC3, "sky(reflect(-surface.view, surface.normal))"),
+            "mirrored": (VEC3, f"{self.sky_name}(reflect(-surface.view, surface.normal))"),
             "blurred": (VEC3, "sky_mean(reflect(-surface.view, surface.normal))"),
             "traced": (self.per_lobe, traced),
         }

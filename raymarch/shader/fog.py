@@ -18,6 +18,8 @@ def sky_functions(plan: Plan) -> list[Function]:
     """The functions of the sky, its mean and the fog."""
     scene = plan.scene
     found = [scene.sky.function(scene.where), *([MEAN] if plan.sky_light else [])]
+    if scene.sky.apart and (plan.sky_light or scene.bouncing):
+        found.append(scene.sky.lighting_function(scene.where))
     return found if scene.fog is None else [*found, _fog(scene)]
 
 

@@ -42,7 +42,7 @@ $regularized
 #endif
         if (enters) {
             if (bounce == $bounces) {
-                color += weight * sky(ray.direction);
+                color += weight * $sky(ray.direction);
                 break;
             }
 #ifdef FROSTED
@@ -105,9 +105,9 @@ $reflects
 #endif
         if (!hit.found) {
 #ifdef GLASS
-            if (side > 0.0) color += weight * sky(direction);
+            if (side > 0.0) color += weight * $sky(direction);
 #else
-            color += weight * sky(direction);
+            color += weight * $sky(direction);
 #endif
             break;
         }

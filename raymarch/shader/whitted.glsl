@@ -18,7 +18,7 @@ $reflects
             }
 #endif
             if (!hit.found) {
-                if (at.side > 0.0) color += at.weight * sky(at.ray.direction);
+                if (at.side > 0.0) color += at.weight * $sky(at.ray.direction);
                 continue;
             }
         }
@@ -44,7 +44,7 @@ $regularized
 #endif
 #endif
         if (at.bounce == $bounces) {
-            color += transmission * at.weight * sky(at.ray.direction);
+            color += transmission * at.weight * $sky(at.ray.direction);
             continue;
         }
         float ratio = at.side > 0.0 ? 1.0 / glass.ior : glass.ior;
@@ -92,7 +92,7 @@ $reflects
         if (visible_light(ray, hit, travelled).w >= 0.0) break;  // surfaces find it by themselves
 #endif
         if (!hit.found) {
-            color += weight * sky(ray.direction);
+            color += weight * $sky(ray.direction);
             break;
         }
     }

@@ -127,13 +127,13 @@ class Surface:
     def _from_sky(self, traced: Sequence[Array] | None) -> Array:
         """Reflected light of the sky, see `Sky(light=True)`, (N, 3)."""
         sky, material, n = self.scene.sky, self.material_values, self.shading_normals
-        if not sky.light:
+        if not sky.lights:
             return np.zeros((len(self.depth), 3))
         light = sky.harmonics(self.values)
         n_dot_v = np.clip(-np.einsum("ij,ij->i", n, self.directions), 0.0, 1.0)[:, None]
         reflected = self.directions + 2.0 * n_dot_v * n
         mean, blurred = (np.maximum(harmonics_at(about) @ light, 0.0) for about in (n, reflected))
-        around = np.broadcast_to(sky.radiance_along(reflected, self.values), n.shape)
+        around = np.broadcast_to(sky.radiance_along(reflected, self.values, lighting=True), n.shape)
         if traced is None:
             traced = [np.zeros(len(n)) for _ in self.reflection.traced()]
         found = self._regularized.reflect_sky(mean, around, blurred, traced)

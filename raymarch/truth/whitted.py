@@ -42,7 +42,9 @@ def radiance(surface: Surface, weight: Array | None = None, depth: int = 0) -> A
     if np.any(transmission > 0.0) and not surface.in_glass:
         color += transmission[:, None] * (material["emission"] + surface.dielectric_highlights())
     if last:
-        return color + transmission[:, None] * surface.scene.sky.radiance_along(surface.directions, surface.values)
+        return color + transmission[:, None] * surface.scene.sky.radiance_along(
+            surface.directions, surface.values, lighting=True
+        )
     cosine = np.clip(-np.einsum("ij,ij->i", surface.shading_normals, surface.directions), 0.0, 1.0)
     ratio = material["ior"][:, 0] if surface.in_glass else 1.0 / material["ior"][:, 0]
     fresnel = values_of(fresnel_dielectric, cosine, ratio)
@@ -90,7 +92,7 @@ def _trace_secondary(surface: Surface, weight: Array, directions: Array, depth: 
     row, hit, rays = row[~shown], hit[~shown], Rays(rays.origins[~shown], rays.directions[~shown])
     roots = replace(roots, t=roots.t[~shown])
     if not in_glass:
-        color[row[~hit]] = surface.scene.sky.radiance_along(rays.directions[~hit], surface.values)
+        color[row[~hit]] = surface.scene.sky.radiance_along(rays.directions[~hit], surface.values, lighting=True)
     if not hit.any():
         return color
     absorption = _absorption(surface)[row[hit]]

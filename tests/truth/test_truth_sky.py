@@ -273,7 +273,7 @@ def test_a_picture_beyond_the_limit_is_refused(tmp_path: Path) -> None:
     [
         (lambda: Sky((-1, 0, 0)), ("Sky: color", ">= 0")),
         (lambda: Sky(lambda d: d.x), ("the function gives a float",)),
-        (lambda: Sky(light=1), ("light = 1",)),
+        (lambda: Sky(light=-1), ("light = -1", "a factor >= 0")),
         (lambda: GradientSky(zenith=3), ("GradientSky: zenith",)),
         (lambda: SunSky(turbidity=1), ("turbidity = 1",)),
         (lambda: SunSky((0, 0, 0)), ("sun_direction",)),
