@@ -140,9 +140,9 @@ def harmonics(made: Plan) -> list[tuple[float, ...]]:
     """
     sky = made.scene.sky
     if find(sky.expressions, "time", "param"):
+        kind = f"{type(sky).__name__}(light={'True' if sky.light is True else '...'})"
         raise PlanError(
-            f"{type(sky).__name__}(light=...) depends on time or a Param, and an exported shader has its light as a "
-            "constant",
+            f"{kind} depends on time or a Param, and an exported shader has its light as a constant",
             legal="a sky that does not change, or light=False",
             where=sky.where,
         )
