@@ -18,7 +18,6 @@ from raymarch.errors import SceneError
 from raymarch.expr.atlas import Place
 from raymarch.expr.branches import Branch, Leaf, Tree, branched, roots_of
 from raymarch.expr.function import Function, Loop
-from raymarch.expr.identifiers import identifier
 from raymarch.expr.node import Expr, make, simplify, var
 from raymarch.expr.pieces import (
     ATOM,
@@ -26,6 +25,7 @@ from raymarch.expr.pieces import (
     Line,
     Piece,
     constant,
+    identifier,
     laid_out,
     literal,
 )

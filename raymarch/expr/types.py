@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -11,27 +11,26 @@ class Type:
     (3, 3) for mat3.
 
     A struct has `fields`: their names and types, in order. In NumPy it is a tuple of their values.
+    size : number of components along one side: 1 for scalars, n for vecn and matn.
     """
 
     name: str
     shape: tuple[int, ...]
     fields: tuple[tuple[str, Type], ...] = ()
+    is_vector: bool = field(init=False)
+    is_matrix: bool = field(init=False)
+    size: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        for name, value in (
+            ("is_vector", len(self.shape) == 1),
+            ("is_matrix", len(self.shape) == 2),
+            ("size", self.shape[0] if self.shape else 1),
+        ):
+            object.__setattr__(self, name, value)
 
     def __repr__(self) -> str:
         return self.name
-
-    @property
-    def is_vector(self) -> bool:
-        return len(self.shape) == 1
-
-    @property
-    def is_matrix(self) -> bool:
-        return len(self.shape) == 2
-
-    @property
-    def size(self) -> int:
-        """Number of components along one side: 1 for scalars, n for vecn and matn."""
-        return self.shape[0] if self.shape else 1
 
 
 BOOL = Type("bool", ())

@@ -7,12 +7,11 @@ from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from typing import Any, TypeAlias
 
-from raymarch.expr.choices import merge_calls
+from raymarch.expr.choices import merge_calls, merge_reads
 from raymarch.expr.derivative import opened, raw_gradient, saving, share_values
 from raymarch.expr.function import Function
 from raymarch.expr.node import Expr, const, construct, make, swizzle, var
 from raymarch.expr.operations import operations_of
-from raymarch.expr.reads import merge_reads
 from raymarch.expr.types import FLOAT, VEC3, struct
 from raymarch.expr.vocabulary import abs, get, normalize, parts_of, record, where
 from raymarch.expr.walk import find, free_variables, rebuild, rewrite, substitute

@@ -9,10 +9,10 @@ from typing import TypeAlias
 import numpy as np
 
 from raymarch.expr.adjoints import add_choices, map_choices
+from raymarch.expr.choices import FEW, merge_reads
 from raymarch.expr.derivative import share_values
 from raymarch.expr.function import Function, loop
 from raymarch.expr.node import Expr, const, var
-from raymarch.expr.reads import FEW, merge_reads
 from raymarch.expr.tables import Table, fetch
 from raymarch.expr.types import FLOAT, struct
 from raymarch.expr.vocabulary import get, parts_of, record, where

@@ -259,6 +259,10 @@ def _checked(what: str, value: Any, size: int, low: float, high: float, cells: b
     given = as_operand(what, value, legal)
     if given.type is not vector(size):
         raise SceneError(f"{what} = {short(value)}", legal=legal)
+    if given.is_constant:
+        if not _within(given.data, low, high):
+            raise SceneError(f"{what} = {short(value)}", legal=legal)
+        return given
     stray = free_variables([given])
     if stray:
         raise SceneError(
@@ -271,11 +275,15 @@ def _checked(what: str, value: Any, size: int, low: float, high: float, cells: b
             reason = f"is between {first.tolist()} and {last.tolist()}" if cells else "depends on the index of a cell"
             raise SceneError(f"{what} {reason}", legal=legal)
     elif not find([given], "time"):
-        d = Values({}).of(given)
-        if not holdable(d) or not np.all((d >= low) & (d <= high)):
-            shown = short(value) if given.is_constant else f"{d.tolist()} with its parameters at their defaults"
-            raise SceneError(f"{what} = {shown}", legal=legal)
+        usual = Values({}).of(given)
+        if not _within(usual, low, high):
+            raise SceneError(f"{what} = {usual.tolist()} with its parameters at their defaults", legal=legal)
     return limited(given, Limit(what, legal, low, high))
+
+
+def _within(value: NDArray[np.float64], low: float, high: float) -> bool:
+    """True if every component is finite in float32 and in a range."""
+    return holdable(value) and bool(np.all((value >= low) & (value <= high)))
 
 
 def as_direction(what: str, value: Any) -> Expr:

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from raymarch.errors import SceneError, user_location
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import choice, real, short
-from raymarch.expr.identifiers import identifier
 from raymarch.expr.node import Expr, const
+from raymarch.expr.pieces import identifier
 from raymarch.expr.raw import RawFunction, Twin, raw, without_comments
 from raymarch.sdf.definition import shape
 from raymarch.sdf.domain import Domain, corners_of

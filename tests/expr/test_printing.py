@@ -21,9 +21,8 @@ from raymarch.errors import SceneError
 from raymarch.expr import Expr, Function, const, function, loop, trace, var
 from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.glsl import FunctionPrinter, Text, print_functions
-from raymarch.expr.identifiers import identifier
 from raymarch.expr.intervals import interval_of
-from raymarch.expr.pieces import Piece, constant, literal
+from raymarch.expr.pieces import Piece, constant, identifier, literal
 from raymarch.expr.types import FLOAT, VEC2, VEC3
 from raymarch.expr.walk import topological
 from raymarch.gpu.context import Context

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from raymarch.expr.arrays import evaluator
+from raymarch.expr.choices import FEW, merge_reads
 from raymarch.expr.node import Expr, const, var
-from raymarch.expr.reads import FEW, merge_reads
 from raymarch.expr.texels import Texels, Wrap
 from raymarch.expr.textures import interval, texture
 from raymarch.expr.types import FLOAT, VEC2
