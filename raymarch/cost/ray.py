@@ -13,7 +13,7 @@ from raymarch.cost.plots import blank
 from raymarch.errors import CostError, SceneError
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import short
-from raymarch.gpu.draw_calls import CENTRE
+from raymarch.gpu.draw_call import CENTRE
 from raymarch.gpu.prepare import Prepared, assembled
 from raymarch.gpu.renderer import Renderer
 from raymarch.plan import plan

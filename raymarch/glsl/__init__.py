@@ -47,16 +47,17 @@ class Module:
 
 VARIANTS = frozenset(
     (
-        "ADVANCE ANALYTIC BOUNCES CLIP_PLANES CONES CUTS ESTIMATE HALVED LENS LIT NOTED ORTHOGRAPHIC OWN_START PART "
-        "RISING SAMPLES SHOWS STANDALONE STRETCH UNCOUNTED UNDIVIDED WIDE_CONE"
+        "ADVANCE ANALYTIC BOUNCES CLIP_PLANES CONES CUTS ESTIMATE GRID HALVED LENS LIT NOTED ORTHOGRAPHIC OWN_START "
+        "PART RISING SAMPLES SHOWS STANDALONE STRETCH UNCOUNTED UNDIVIDED WIDE_CONE"
     ).split()
 )
 """Names of conditional lines that the plan settles: `#ifdef` and `#ifndef` of these are not in the shader. Without
 CONES, this includes CONE, which is defined in passes that march cones."""
 
 PIXEL, PIXEL_OF_PART = "gl_FragCoord.xy", "(gl_FragCoord.xy + u_corner)"
+PIXEL_OF_GRID = "(gl_FragCoord.xy * u_grid_stride + u_grid_corner)"
 """What stands for `PIXEL` in modules: the place in the whole picture. Texels of the drawn target are at
-`gl_FragCoord.xy`, also in a part of a picture."""
+`gl_FragCoord.xy`, also in a part of a picture, or in some of its pixels."""
 
 
 @cache
@@ -72,7 +73,8 @@ def load(name: str, variants: frozenset[str] = frozenset()) -> Module:
     numbers, lines = zip(
         *settled(whole, variants, VARIANTS if "CONES" in variants else VARIANTS | {"CONE"}), strict=True
     )
-    text = "\n".join(lines).replace("PIXEL", PIXEL_OF_PART if "PART" in variants else PIXEL)
+    pixel = PIXEL_OF_PART if "PART" in variants else PIXEL_OF_GRID if "GRID" in variants else PIXEL
+    text = "\n".join(lines).replace("PIXEL", pixel)
     declares = {each.name: each for each in declarations(text)}
     if not text.startswith("// ") or not declares:
         raise ValueError(f"GLSL module '{name}' lacks a comment in its first line, or defines nothing")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 FADE = 0.8
 """Factor of the weight of earlier passes when another one is measured."""
@@ -30,11 +30,13 @@ class Budget:
     """The time that a frame may take. Whoever draws adds the time of each draw call before it asks for the next.
 
     limit : milliseconds of the frame. grace : milliseconds for which light goes on beyond them, if all of it is then
-        added. spent : milliseconds so far. last : of the last draw call, or None if it includes work of the driver.
+        added. interlaced : whether a march of several passes shows coarse grids of pixels first. spent : milliseconds
+        so far. last : of the last draw call, or None if it includes work of the driver.
     """
 
     limit: float
     grace: float = 0.0
+    interlaced: bool = False
     spent: float = 0.0
     last: float | None = None
 
@@ -126,3 +128,72 @@ class LightPace:
         if rest < each:
             return 0
         return int(min(rest / max(each, 1e-12), GROWTH * self._most))
+
+
+CAUTION = 0.5
+"""Fraction of the remaining time that the next band of a pass is expected to fill: it may be dearer than the last."""
+
+SCRAP = 0.08
+"""Fraction of the limit for which no further band is drawn."""
+
+
+@dataclass(slots=True)
+class CellPace:
+    """The time of bands of passes, in milliseconds: a fixed time, the least of all bands, and one for each cell of a
+    pass. Of the latter there are two: that of the last band, and the mean over the picture.
+
+    `after` is the time of the passes that follow in a frame.
+    """
+
+    after: float = 0.0
+    _fixed: float = math.inf
+    _last: dict[tuple[str, int], float] = field(default_factory=dict)
+    _mean: dict[tuple[str, int], float] = field(default_factory=dict)
+    _sums: dict[tuple[str, int], tuple[float, int]] = field(default_factory=dict)
+
+    def begin(self) -> None:
+        """Begin a picture."""
+        self._sums.clear()
+
+    def add(self, key: tuple[str, int], cells: int, time: float) -> None:
+        """Count a band. key : the name of the pass, and its number in a march."""
+        self._fixed = min(self._fixed, time)
+        variable, (spent, known) = time - self._fixed, self._sums.get(key, (0.0, 0))
+        self._last[key] = variable / cells
+        self._sums[key] = spent + variable, known + cells
+
+    def covered(self) -> None:
+        """The bands so far cover the picture evenly."""
+        self._mean |= {key: spent / cells for key, (spent, cells) in self._sums.items()}
+
+    def followed(self, time: float) -> None:
+        """Count the passes that follow the bands of a frame."""
+        self.after = time if not self.after else self.after + 0.3 * (time - self.after)
+
+    def whole(self, cells: int) -> float:
+        """The expected time of a picture of so many cells in one band a pass; infinite before the first one."""
+        if not self._mean:
+            return math.inf
+        return self.after + sum(self._fixed + mean * cells for mean in self._mean.values())
+
+    def fitting(self, key: tuple[str, int], rest: int, budget: Budget, *, drawn: bool) -> int:
+        """The number of cells of the next band, of those that are left; 0 leaves them to the next frame.
+
+        A march pass that was never drawn takes as long as the one before. Any other begins with a few cells. No cell is
+        expected to be cheaper than the mean: the next rows may be dearer than the last ones.
+        drawn : whether this frame has drawn a band. The first one of a frame has at least a cell.
+        """
+        name, number = key
+        while (name, number) not in self._last and number > 0:
+            number -= 1
+        known, left = (name, number), budget.left - min(self.after, 0.5 * budget.limit)
+        if drawn and left < SCRAP * budget.limit:
+            return 0
+        if known not in self._last:
+            return max(rest // 16, 1)
+        each = max(self._last[known], self._mean.get(known, 0.0))
+        if self._fixed + rest * each <= CAUTION * HEADROOM * left:
+            return rest
+        if drawn and left < self._fixed + each:
+            return 0
+        return min(max(int((CAUTION * left - self._fixed) / max(each, 1e-9)), 1), rest)

@@ -5,17 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import groupby
 from typing import Any
 
 import numpy as np
 
 from raymarch.gpu.budget import Budget
+from raymarch.gpu.draw_call import CENTRE, DrawCall
 from raymarch.gpu.frame_inputs import FrameInputs, content
-from raymarch.gpu.history import History
+from raymarch.gpu.history import GridState, History
+from raymarch.gpu.interlaced import WHOLE, Interlaced
 from raymarch.gpu.part import PicturePart, covering
 from raymarch.gpu.prepare import Prepared
-from raymarch.gpu.program import Program
 from raymarch.gpu.resource_cache import ResourceCache
 from raymarch.gpu.sequences import halton, moment, r2
 from raymarch.gpu.targets import Target
@@ -23,32 +25,8 @@ from raymarch.plan import Pass
 from raymarch.plan.marching import Level
 from raymarch.scene.post import PICTURE, Stage
 
-CENTRE: Mapping[str, Any] = {"u_lens": (0.0, 1.0)}
-"""The uniforms of a pass whose rays start at the centre of the lens."""
-
-
 MOST_BANDS = 32
 """Maximum number of frames over which one pass that adds light is spread."""
-
-
-@dataclass(frozen=True, slots=True)
-class DrawCall:
-    """A pass with its program, target and uniforms. It can be drawn at once or in tiles.
-
-    `compile` is the time in milliseconds that the driver took to compile the program; 0 if it was cached. `part` is the
-    tile that it is about; None for the whole target.
-    """
-
-    chosen: Pass
-    program: Program
-    target: Target
-    uniforms: Mapping[str, Any]
-    compile: float
-    part: tuple[int, int, int, int] | None = None
-
-    def draw(self, tile: tuple[int, int, int, int] | None = None) -> None:
-        """Draw without waiting for the device. tile : as in `Program.draw`; None draws `part`."""
-        self.program.draw(self.target, self.uniforms, tile or self.part)
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +80,8 @@ class Drawing:
         if part is not None:
             self.carried["u_corner"] = part.box(size)[:2]
         """Uniforms that passes leave to later ones, and the textures that were written last, by name."""
+        if "GRID" in ready.plan.variants:
+            self.carried |= WHOLE.uniforms
         self.kept: dict[str, tuple[Pass, Target]] = {}
         """Passes whose arrays are those of an earlier frame, with their targets, by name."""
 
@@ -109,14 +89,33 @@ class Drawing:
         keep = self.ready.plan.scene.quality.temporal != "off"
         compared = _compared(self.ready, self.inputs, self.size)
         kept = self.history.begin(compared, self.ready.texts.get("color"), keep)
-        for _, group in groupby(self.ready.plan.passes, key=lambda p: p.often == "sample" or p.name):
+        interlaced = self._is_interlaced(kept)
+        for key, group in groupby(self.ready.plan.passes, key=partial(_joined, interlaced)):
             passes = tuple(group)
+            if key is INTERLACED:
+                yield from Interlaced(self, passes)
+                self._before_last = self.budget.spent if self.budget is not None else 0.0
+                continue
             for turn in TURNS[passes[0].often](self, passes, kept):
                 for chosen in passes:
                     for part in self._parts(chosen, turn):
                         yield from self._drawn(chosen, part)
-        if self.budget is not None and self._before_last and self._added:
+        if interlaced and self.budget is not None:
+            self.ready.cells.followed(self.budget.spent - self._before_last)
+        elif self.budget is not None and self._before_last and self._added:
             self.ready.pace.followed((self.budget.spent - self._before_last) / math.prod(self.size))
+
+    def _is_interlaced(self, kept: bool) -> bool:
+        """True if the picture is drawn grid by grid. One that is complete, and was not, stays."""
+        history, plan = self.history, self.ready.plan
+        if "GRID" not in plan.variants or "color" not in self.ready.texts:
+            return False
+        whole = kept and history.march.arrived and not history.grid.used
+        if self.budget is not None and self.budget.interlaced and not whole:
+            return True
+        if history.grid.used:
+            history.grid, history.march.passes = GridState(), 0
+        return False
 
     def _parts(self, chosen: Pass, turn: Turn) -> Iterator[Turn]:
         """The draws of a pass in a turn. A pass that adds samples of light is drawn until all are added, or the time is
@@ -188,7 +187,7 @@ class Drawing:
                 self.ready.pace.add(samples, self.budget.last / (share * math.prod(self.size)))
             self._before_last = self.budget.spent
 
-    def _read_by(self, chosen: Pass) -> dict[str, Any]:
+    def read_by(self, chosen: Pass) -> dict[str, Any]:
         """What earlier passes left to one. The scene's shader gives names that it does not use itself to parameters."""
         own = frozenset(self.ready.shader.parameters.values()) if chosen.effect is None else frozenset[str]()
         return {name: value for name, value in self.carried.items() if name not in own}
@@ -206,7 +205,7 @@ class Drawing:
             program, compiling = self.resources.program(self.ready, chosen.name)
             uniforms = {
                 **self.inputs.uniforms,
-                **self._read_by(chosen),
+                **self.read_by(chosen),
                 **(CENTRE if chosen.sharp else {}),
                 **turn.uniforms,
                 **((turn.before or {}) if chosen.changed else {}),
@@ -223,6 +222,16 @@ class Drawing:
         self.carried |= {name: (written, i) for i, name in enumerate(chosen.writes)}
 
 
+INTERLACED = "interlaced"
+
+
+def _joined(interlaced: bool, chosen: Pass) -> Any:
+    """Neighbours with equal results are drawn in turns."""
+    if interlaced and chosen.often != "level" and chosen.effect is None:
+        return INTERLACED
+    return chosen.often == "sample" or chosen.name
+
+
 def _lit(turn: Turn, first: int, end: int) -> Turn:
     """The same turn for some samples of light."""
     return replace(turn, uniforms={**turn.uniforms, "u_first_sample": first, "u_end_sample": end})
@@ -233,7 +242,7 @@ def _steps(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator[T
     history, plan = drawing.history, drawing.ready.plan
     steps_per_pass, count = plan.scene.quality.steps_per_pass, plan.marching.passes
     assert steps_per_pass is not None
-    if kept and "color" not in drawing.ready.texts:
+    if kept and "color" not in drawing.ready.texts and not history.grid.used:
         yield Turn({}, kept=True)
         return
     history.march.passes = history.march.passes if kept else 0

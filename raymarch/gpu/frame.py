@@ -78,7 +78,7 @@ class Frame:
     _render: Callable[[str], tuple[Mapping[str, Unread], list[Timing]]] = field(repr=False)
     tone: ToneMapping = field(default_factory=ToneMapping, repr=False)
     complete: bool = True
-    """False if some rays have not terminated, or light was not added; the next frame of the picture continues them."""
+    """False if some pixels are not drawn, or light was not added; the next frame of the picture goes on."""
     pose: Pose | None = field(default=None, repr=False)
     warnings: Sequence[Doubt] = ()
     """One sentence for each value that is outside its legal range in this frame."""

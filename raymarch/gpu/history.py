@@ -16,6 +16,34 @@ class MarchState:
 
 
 @dataclass(slots=True)
+class GridState:
+    """A picture within a budget of time, as far as it is drawn; see `raymarch.gpu.interlaced`.
+
+    used : whether the last picture is such a one. order : which grids it has. number : of grids that are complete.
+    passes, steps : of the march of the next grid; all its rays have terminated if `arrived`. drawn : number of the
+    passes after it that are complete. cells : of the next pass that are drawn. rows : of its grid that are shown.
+    """
+
+    used: bool = False
+    order: int = 0
+    number: int = 0
+    passes: int = 0
+    steps: int = 0
+    arrived: bool = False
+    drawn: int = 0
+    cells: int = 0
+    rows: int = 0
+
+    def next_pass(self) -> None:
+        """All cells of a pass are drawn."""
+        self.cells = self.rows = 0
+
+    def next_grid(self) -> None:
+        """All passes of a grid are drawn."""
+        self.number, self.passes, self.steps, self.arrived, self.drawn = self.number + 1, 0, 0, False, 0
+
+
+@dataclass(slots=True)
 class LightState:
     """Light that is added over several frames.
 
@@ -71,6 +99,7 @@ class History:
     cones: Any = None
     mean: MeanState = field(default_factory=MeanState)
     march: MarchState = field(default_factory=MarchState)
+    grid: GridState = field(default_factory=GridState)
     light: LightState = field(default_factory=LightState)
     earlier: EarlierPicture = field(default_factory=EarlierPicture)
 
@@ -88,5 +117,6 @@ class History:
             self.march.passes = self.march.passes if kept else 0
             self.light.complete = True
             if not (kept and same):
+                self.grid = GridState()
                 self.light.added = self.light.rows = 0
         return kept

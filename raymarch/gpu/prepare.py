@@ -18,7 +18,7 @@ from raymarch.expr.convert import described, short
 from raymarch.expr.node import Expr
 from raymarch.expr.raw import without_twin
 from raymarch.expr.walk import find
-from raymarch.gpu.budget import LightPace
+from raymarch.gpu.budget import CellPace, LightPace
 from raymarch.gpu.camera_field import CameraField
 from raymarch.gpu.program import FULL_SCREEN, RAYS, Elements
 from raymarch.gpu.slices import Slice
@@ -53,7 +53,7 @@ class Prepared:
     lights, balls : the rows of lights, and what they reach, likewise.
     constants : for each pass, the uniforms that replace numbers of its text, and their values.
     effects : the shader of each post effect, by the name of its pass.
-    pace : the times of passes that add light.
+    pace : the times of passes that add light. cells : those of passes within a budget.
     """
 
     plan: Plan
@@ -68,6 +68,7 @@ class Prepared:
     constants: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     effects: Mapping[str, Shader] = field(default_factory=dict)
     pace: LightPace = field(default_factory=LightPace, compare=False)
+    cells: CellPace = field(default_factory=CellPace, compare=False)
     _kept: dict[str, tuple[Any, Any]] = field(init=False, default_factory=dict, compare=False, repr=False)
 
     def violations(self, values: Values) -> list[Doubt]:
@@ -144,7 +145,7 @@ def with_lights(ready: Prepared, scene: Scene, live: LiveLights | None) -> Prepa
     if made is None:
         return None
     rows, balls = _lights(made)
-    return replace(ready, plan=made, lights=rows, balls=balls, pace=LightPace())
+    return replace(ready, plan=made, lights=rows, balls=balls, pace=LightPace(), cells=CellPace())
 
 
 def _lights(made: Plan) -> tuple[Remembered[NDArray[np.float32]] | None, Remembered[NDArray[np.float64]] | None]:

@@ -20,7 +20,8 @@ from raymarch.gpu import vouch
 from raymarch.gpu.budget import Budget
 from raymarch.gpu.clock import Clock
 from raymarch.gpu.context import Context, open_context
-from raymarch.gpu.draw_calls import DrawCall, Drawing, count_draws
+from raymarch.gpu.draw_call import DrawCall
+from raymarch.gpu.draw_calls import Drawing, count_draws
 from raymarch.gpu.frame import Frame, Timing, not_rendered
 from raymarch.gpu.frame_inputs import FrameInputs
 from raymarch.gpu.history import History
@@ -184,9 +185,9 @@ class Renderer:
         progress : called after each tile with the fraction done, 0 to 1. The picture is the same bit for bit.
         pose : camera pose to use instead of the scene's camera.
         within : time budget in milliseconds of a frame that is split into passes by Quality(steps_per_pass=...,
-            lights_per_pass=...). Rays that have not terminated by then, and light that was not added, continue in the
-            next frame, which needs temporal="accumulate" and an unchanged picture; `frame.complete` tells whether
-            nothing is left. None sets no budget.
+            lights_per_pass=...). Pixels that are not drawn by then, and light that was not added, follow in the next
+            frame, which needs temporal="accumulate" and an unchanged picture; `frame.complete` tells whether nothing
+            is left. None sets no budget.
         part : the part of a larger picture to render; the renderer's size is that of the part. Not with `temporal` or
             rays="interpolated".
 
@@ -459,9 +460,9 @@ class Renderer:
         self, picture: _Picture, history: History, progress: Progress | None, within: float
     ) -> tuple[dict[str, Unread], list[Timing]]:
         timings: list[Timing] = []
-        last: dict[str, DrawCall] = {}
-        limited = within < np.inf or picture.scene.quality.steps_per_pass is not None
-        budget = Budget(within) if limited else None
+        shown: dict[str, tuple[Any, Any]] = {}
+        finite, steps = within < np.inf, picture.scene.quality.steps_per_pass
+        budget = Budget(within, interlaced=finite) if finite or steps is not None else None
         drawing = self._drawing(picture, history, budget)
         most = count_draws(drawing)
         for call in _named(drawing):
@@ -471,10 +472,9 @@ class Renderer:
             timings.append(Timing(call.chosen.name, drawn, call.compile, first))
             if budget is not None:
                 budget.add(drawn, first=first)
-            last[call.chosen.name] = call
+            shown |= {call.chosen.name: (call.chosen, call.target)} if call.chosen.outputs else {}
         if progress is not None and len(timings) < most:
             progress(1.0)
-        shown = {name: (call.chosen, call.target) for name, call in last.items()}
         return unread_of({**drawing.kept, **shown}), timings
 
     def _lent(self, progress: Progress | None) -> Progress | None:
@@ -491,7 +491,7 @@ class Renderer:
     def _draw(self, call: DrawCall, progress: Progress | None) -> float:
         """Draw a pass, at once or in tiles. Returns milliseconds."""
         width, height = call.target.size
-        if progress is None and width * height <= WHOLE:
+        if call.part is not None or (progress is None and width * height <= WHOLE):
             return self.clock.time(call.draw)
         known = self._edges.setdefault(call.program, Edge())
         return draw_in_tiles(
@@ -546,7 +546,7 @@ def _named(drawing: Drawing) -> Iterator[DrawCall]:
 
 
 def _part(progress: Progress, i: int, n: int) -> Progress:
-    return lambda share: progress((i + share) / n)
+    return lambda share: progress(min((i + share) / n, 1.0))
 
 
 @checked

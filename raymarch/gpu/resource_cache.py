@@ -100,7 +100,7 @@ class ResourceCache:
         self._targets: dict[str, Target | PingPong] = {}
         self._textures: OrderedDict[str, moderngl.Texture | moderngl.Texture3D] = OrderedDict()
         self._bytes: dict[str, int] = {}
-        self._counter: Program | None = None
+        self._utilities: dict[str, Program] = {}
         self._lights: list[tuple[Any, LightInputs]] = []
         self._all_kept = False
 
@@ -163,6 +163,12 @@ class ResourceCache:
             self._targets[name] = found = fresh
         return found
 
+    def utility(self, text: str, name: str) -> Program:
+        """A program of the package itself, by its fragment shader; it stays until the cache is released."""
+        if text not in self._utilities:
+            self._utilities[text] = Program(self.context, FULL_SCREEN, text, None, name)
+        return self._utilities[text]
+
     def count_active(self, name: str) -> int:
         """Number of rays of a march that have not terminated. Waits for the device and overwrites the pair's back
         target.
@@ -171,12 +177,11 @@ class ResourceCache:
         """
         march = self._targets[name]
         assert isinstance(march, PingPong)
-        if self._counter is None:
-            self._counter = Program(self.context, FULL_SCREEN, _COUNT_ACTIVE, None, "count of rays")
+        counter = self.utility(_COUNT_ACTIVE, "count of rays")
         with self.context.bound():
             query = self.context.gl.query(samples=True)
             with query:
-                self._counter.draw(march.back, {"u_march": (march.front, 0)})
+                counter.draw(march.back, {"u_march": (march.front, 0)})
             return int(query.samples)
 
     def texture(self, data: Samples | Texels | Table | LiveTable) -> moderngl.Texture | moderngl.Texture3D:
@@ -258,8 +263,8 @@ class ResourceCache:
         self._lights.clear()
         self._textures.clear()
         self._bytes.clear()
-        if self._counter is not None:
-            self._counter.release()
-        self._counter = None
+        for utility in self._utilities.values():
+            utility.release()
+        self._utilities.clear()
         self._programs.clear()
         self._drawn.clear()

@@ -334,6 +334,11 @@ def interpolated(scene: Scene) -> bool:
     return scene.quality.rays == "interpolated" and not variants_of(scene)
 
 
+def interlaced(scene: Scene) -> bool:
+    """True if a picture within a budget of time may go on in the next frame, from coarse to fine grids of pixels."""
+    return scene.quality.temporal == "accumulate" and not interpolated(scene)
+
+
 def _field_along(marching: Marching) -> str:
     """The module that evaluates the field along a ray."""
     return "march/distance_ahead" if marching.tracer == "advance" else "march/distance"

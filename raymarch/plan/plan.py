@@ -107,6 +107,7 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
             "BOUNCES": self.scene.bouncing,
             "CONES": self.marching.cones,
             "CUTS": marching.cut(self.scene),
+            "GRID": self.marching.resumed and marching.interlaced(self.scene),
             "LIT": self.lights_split,
             "NOTED": any(p.notes for p in self.passes),
             "RISING": self.scene.quality.rising_steps > self.marching.steps and not self.marching.resumed,

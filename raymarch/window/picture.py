@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from raymarch.expr.srgb import srgb_to_linear
 from raymarch.gpu.budget import Budget
-from raymarch.gpu.draw_calls import DrawCall
+from raymarch.gpu.draw_call import DrawCall
 from raymarch.gpu.frame import Frame
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.scale import Scale

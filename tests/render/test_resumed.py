@@ -85,34 +85,6 @@ def test_the_passes_end_when_all_rays_have_arrived(renderer: Renderer) -> None:
     assert few.iterations.max() > 16 * (len(marched) - 1)
 
 
-def test_a_still_picture_goes_on_and_a_moved_one_begins_anew(
-    renderer: Renderer, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def slow(self: Clock, draw: Any) -> float:
-        del self
-        draw()
-        return 10.0
-
-    monkeypatch.setattr(Clock, "time", slow)
-    given = {"steps_per_pass": 4, "temporal": "accumulate", "schedule": "single", "analytic": False}
-    whole = renderer.render(scene(schedule="single", analytic=False), outputs=EVERYTHING)
-    frames = []
-    for _ in range(40):
-        frames.append(renderer.render(scene(**given), within=25.0))
-        if frames[-1].complete:
-            break
-    assert 2 < len(frames) < 40
-    assert all(sum(t.name == "march" for t in frame.timings) <= 3 for frame in frames)
-    errors = [np.abs(frame.color - whole.color).mean() for frame in frames]
-    assert errors[-1] < 0.1 * errors[0] and np.isfinite(frames[0].color).all()
-    done = renderer.render(scene(**given), within=25.0)
-    assert [t.name for t in done.timings] == ["color"] and np.array_equal(done.color, frames[-1].color)
-    moved = renderer.render(scene(0.2, **given), within=25.0)
-    assert not moved.complete and sum(t.name == "march" for t in moved.timings) == 3
-    again = renderer.render(scene(**given), within=25.0)
-    assert not again.complete and np.array_equal(again.color, frames[0].color)
-
-
 @cache
 def street(**quality: Any) -> rm.Scene:
     """A solid under ten lights, with all that is added before lights: emission, the sky's light and its occlusion."""
@@ -143,7 +115,6 @@ def disc(**quality: Any) -> rm.Scene:
     [
         (street, {}, 15),
         (street, {"samples": 2, "schedule": "cones"}, 15),
-        (street, {"steps_per_pass": 8}, 15),
         (street, {"light_samples": 3}, 35),
         (disc, {"light_samples": 3}, 10),
         (lambda **quality: disc(**quality).replace(lights=[]), {}, 3),
@@ -164,11 +135,11 @@ def test_light_of_several_frames_makes_the_picture_of_one(
         frames.append(renderer.render(scene, within=0.0))
         if frames[-1].complete:
             break
-    samples, arrives = more.get("samples", 1), "steps_per_pass" in more
+    samples = more.get("samples", 1)
     drawn = [timing.name for frame in frames for timing in frame.timings]
     assert renderer.history.light.count == count
-    assert arrives or len(frames) == samples * (-(-count // each) - 1) + 1  # the next sample begins in the same frame
-    assert drawn.count("surface") == samples or arrives
+    assert len(frames) == samples * (-(-count // each) - 1) + 1  # the next sample begins in the same frame
+    assert drawn.count("surface") == samples
     assert all([t.name for t in frame.timings].count("light") == 1 for frame in frames[-2:])
     same_texels(renderer, frames[-1].color, whole.color)
     assert np.abs(frames[0].color - whole.color).max() > 0.01
