@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Self
 from raymarch.conveniences import carried_out_by
 from raymarch.errors import SceneError
 from raymarch.expr.calls import checked
-from raymarch.expr.convert import choice, integer, optional, real, switch
+from raymarch.expr.convert import choice, integer, real, switch
 from raymarch.scene.tracer import OwnTracer, TracerState
 from raymarch.scene.value import Value, value
 
@@ -198,20 +198,11 @@ class Quality(Value):
             self._set(tracer=OwnTracer.of(self.tracer))
         if isinstance(self.tracer, OwnTracer) and self.steps_per_pass is not None:
             raise SceneError("Quality: steps_per_pass with a tracer of your own", legal="all steps in one pass")
-        chosen = {n: legal for n, legal in _CHOICES.items() if not isinstance(getattr(self, n), OwnTracer)}
-        self._set(
-            **{n: choice(f"Quality: {n}", getattr(self, n), legal) for n, legal in chosen.items()},
-            **{n: optional(integer, f"Quality: {n}", getattr(self, n), *ends) for n, ends in _WHOLE.items()},
-            **{n: optional(real, f"Quality: {n}", getattr(self, n), *ends) for n, ends in _WITHIN.items()},
-            **{n: switch(f"Quality: {n}", getattr(self, n)) for n in ("assume_certified", "energy_compensation")},
-            **{n: optional(switch, f"Quality: {n}", getattr(self, n)) for n in ("analytic", "bounding_volumes")},
-        )
-        several = self.lights_per_pass
-        if not (isinstance(several, str) and several == "auto"):
-            self._set(lights_per_pass=optional(integer, "Quality: lights_per_pass", several, 1, 60000))
-        for name in _NEEDED:
-            if getattr(self, name) is None:
-                raise SceneError(f"Quality: {name} = None", legal="a number")
+        for name, (convert, *range) in _CHECKS.items():
+            given = getattr(self, name)
+            apart = given is None if name in _OPTIONAL else isinstance(given, OwnTracer)
+            if not apart and not (name == "lights_per_pass" and isinstance(given, str) and given == "auto"):
+                self._set(**{name: convert(f"Quality: {name}", given, *range)})
         if self.steps_per_pass is not None and (self.samples > 1 or self.temporal == "reproject"):
             others = f"samples = {self.samples}, temporal = {self.temporal!r}"
             what = f"Quality: steps_per_pass = {self.steps_per_pass} with {others}"
@@ -336,23 +327,32 @@ class Quality(Value):
         return self.near(refined) * (CONTACT if refined and self.refinement == "proven" else 1.0)
 
 
-_CHOICES = {
-    "tracer": TRACERS,
-    "normals": NORMALS,
-    "schedule": SCHEDULES,
-    "refinement": REFINEMENTS,
-    "temporal": ("off", "accumulate", "reproject"),
-    "rays": ("computed", "interpolated"),
-    "masking": ("correlated", "separable"),
-    "integrator": ("path", "whitted"),
-    "objects": ("auto", "text", "data"),
+_CHECKS: Mapping[str, tuple[Any, ...]] = {
+    "tracer": (choice, TRACERS),
+    "normals": (choice, NORMALS),
+    "schedule": (choice, SCHEDULES),
+    "refinement": (choice, REFINEMENTS),
+    "temporal": (choice, ("off", "accumulate", "reproject")),
+    "rays": (choice, ("computed", "interpolated")),
+    "masking": (choice, ("correlated", "separable")),
+    "integrator": (choice, ("path", "whitted")),
+    "objects": (choice, ("auto", "text", "data")),
+    "max_steps": (integer, 1, 60000),
+    "samples": (integer, 1, MOST_SAMPLES),
+    "light_samples": (integer, 1, 64),
+    "shadow_steps": (integer, 1, 60000),
+    "steps_per_pass": (integer, 4, 60000),
+    "lights_per_pass": (integer, 1, 60000),
+    "epsilon": (real, 1e-3, 10.0),
+    "beta": (real, 1e-3, 1.0),
+    "step_scale": (real, 1e-3, 1.0),
+    "step_variation": (real, 0.0, 0.9),
+    "assume_certified": (switch,),
+    "energy_compensation": (switch,),
+    "analytic": (switch,),
+    "bounding_volumes": (switch,),
 }
-_WHOLE = {
-    "max_steps": (1, 60000),
-    "samples": (1, MOST_SAMPLES),
-    "light_samples": (1, 64),
-    "shadow_steps": (1, 60000),
-    "steps_per_pass": (4, 60000),
-}
-_WITHIN = {"epsilon": (1e-3, 10.0), "beta": (1e-3, 1.0), "step_scale": (1e-3, 1.0), "step_variation": (0.0, 0.9)}
-_NEEDED = ("max_steps", "samples", "light_samples", "beta", "step_scale", "step_variation")
+"""What checks each field, and its legal values."""
+
+_OPTIONAL = {"shadow_steps", "steps_per_pass", "lights_per_pass", "epsilon", "analytic", "bounding_volumes"}
+"""The fields that may be None."""
