@@ -243,7 +243,7 @@ def prove(
     if switch("prove: shadows", shadows):
         lit = _lit(scene, values, reported, np.flatnonzero((verdict.state == PROVED) & ~inside))
         lights = hard_lights(scene, values)
-        pictures = [(i, lit_pixels(scene, scene.lights[i], shape[::-1], at, params)) for i in lights]
+        pictures = [(i, *lit_pixels(scene, scene.lights[i], shape[::-1], at, params)) for i in lights]
         cast = shadows_of(scene, values, scene.far(pose, values), lit, pictures)
     covered = None
     if pixels == "whole":
@@ -269,9 +269,7 @@ def prove(
 def _lit(scene: Scene, values: Values, reported: Reported, proved: Whole) -> Lit:
     """The hits of proved pixels, from which rays to lights start."""
     proved = proved[np.isfinite(reported.hit[proved])]
-    rays = reported.rays[proved]
-    points = rays.origins + reported.hit[proved, None] * rays.directions
-    return Lit.seen(scene.node, values, points, rays.directions, reported.within[proved], proved)
+    return Lit.seen(scene.node, values, reported.rays[proved], reported.hit[proved], reported.within[proved], proved)
 
 
 def _least_beside(depth: NDArray[np.float64]) -> NDArray[np.float64]:

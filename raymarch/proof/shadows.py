@@ -26,7 +26,8 @@ from raymarch.sdf.node import Node
 from raymarch.truth.light import incoming
 
 NOT_ASKED = 3
-"""The state of a pixel whose shadow is not asked for: no hit is proved there, or the light does not reach it."""
+"""The state of a pixel whose shadow is not asked for: no hit is proved there, the light does not reach it, or the
+picture of the light shows another hit, as it may at a silhouette."""
 
 LIFTS = (0.1, 1.0, 4.0)
 """Where the rays to a light start above the hit, in tolerances. Where they disagree, the hit is at the edge of what
@@ -47,8 +48,8 @@ class Shadows:
 
     light : its index in `scene.lights`, from 0. name : its class.
     state : (H, W) uint8. 0 proved: the picture is lit, and nothing on the way to the light is deeper than the
-        tolerance; or it is dark, and a solid is on the way. 1 contradicted. 2 open. 3 not asked: no hit is proved, or
-        the light does not reach the surface.
+        tolerance; or it is dark, and a solid is on the way. 1 contradicted. 2 open. 3 not asked: no hit is proved, the
+        light does not reach the surface, or the picture of the light has another hit at a silhouette.
     """
 
     light: int
@@ -75,30 +76,38 @@ _WORDS = ((CONTRADICTED, "contradicted"), (OPEN, "open"))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lit:
-    """Proved hits: points, unit normals towards the camera, tolerances, and the pixels they belong to."""
+    """Proved hits: points, unit normals towards the camera, tolerances, distances along the camera's rays, and the
+    pixels they belong to."""
 
     points: Array
     normals: Array
     within: Array
+    depth: Array
     pixels: NDArray[np.int64]
+
+    def __getitem__(self, rows: NDArray[np.int64]) -> Lit:
+        return Lit(self.points[rows], self.normals[rows], self.within[rows], self.depth[rows], self.pixels[rows])
 
     @classmethod
     def seen(
-        cls, node: Node, values: Values, points: Array, directions: Array, within: Array, pixels: NDArray[np.int64]
+        cls, node: Node, values: Values, rays: Rays, depth: Array, within: Array, pixels: NDArray[np.int64]
     ) -> Lit:
-        """Hits of rays with some directions."""
+        """Hits of rays at some distances."""
+        directions = rays.directions
+        points = rays.origins + depth[:, None] * directions
         with bound(values.params, values.time):
             gradient = evaluate_gradient(node, points) if len(points) else np.zeros((0, 3))
         side = np.where(np.sum(gradient * directions, axis=1) > 0.0, -1.0, 1.0)
         size = np.linalg.norm(gradient, axis=1)
         normals = gradient * (side / np.where(size > 0.0, size, 1.0))[:, None]
-        return cls(points, normals, within, pixels)
+        return cls(points, normals, within, depth, pixels)
 
 
 def lit_pixels(
     scene: Scene, light: Light, size: tuple[int, int], time: float, params: Mapping[str, ParamValue] | None
-) -> NDArray[np.bool_]:
-    """Which pixels of a white copy of the scene a light reaches, (H, W): the tracer's verdict about its shadow."""
+) -> tuple[NDArray[np.bool_], Array]:
+    """Which pixels of a white copy of the scene a light reaches, (H, W): the tracer's verdict about its shadow; and the
+    depths of these pixels."""
     alone = scene.replace(
         node=relabelled(scene.node, lambda _: _WHITE).material(_WHITE),
         lights=[light],
@@ -111,24 +120,25 @@ def lit_pixels(
     )
     known = {name: value for name, value in (params or {}).items() if name in alone.parameters}
     with Renderer(size) as renderer:
-        lit: NDArray[np.bool_] = renderer.render(alone, time, known).color.max(axis=-1) > 0.0
-    return lit
+        frame = renderer.render(alone, time, known, outputs=("color", "depth"))
+    return frame.color.max(axis=-1) > 0.0, np.asarray(frame.depth, np.float64)
 
 
 def shadows_of(
-    scene: Scene, values: Values, far: float, found: Lit, pictures: Sequence[tuple[int, NDArray[np.bool_]]]
+    scene: Scene, values: Values, far: float, found: Lit, pictures: Sequence[tuple[int, NDArray[np.bool_], Array]]
 ) -> tuple[Shadows, ...]:
     """The verdicts about the shadows of some lights.
 
-    far : where camera rays end. pictures : the index of each light, and where it reaches the surface.
+    far : where camera rays end. pictures : the index of each light, where it reaches the surface, and the depths there.
     """
     operands = Operands(scene.node, values, "shadow", whole=False)
     result = []
-    for index, lit in pictures:
+    for index, lit, depth in pictures:
         light = scene.lights[index]
         state = np.full(lit.size, NOT_ASKED, np.uint8)
-        if len(found.pixels):
-            state[found.pixels] = _verdicts(operands, light, values, far, found, lit.ravel()[found.pixels])
+        same = found[np.flatnonzero(np.abs(depth.ravel()[found.pixels] - found.depth) <= found.within)]
+        if len(same.pixels):
+            state[same.pixels] = _verdicts(operands, light, values, far, same, lit.ravel()[same.pixels])
         result.append(Shadows(index, type(light).__name__, state.reshape(lit.shape)))
     return tuple(result)
 

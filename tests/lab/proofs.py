@@ -15,6 +15,7 @@ import warnings
 from collections import Counter
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import hypothesis
 from hypothesis import HealthCheck, Phase, settings
@@ -22,6 +23,7 @@ from hypothesis import strategies as st
 
 import raymarch as rm
 from raymarch.errors import RaymarchError
+from raymarch.proof import search
 from raymarch.scene.file import load
 from tests.hard.python import as_python
 from tests.lab import proof_faults
@@ -40,7 +42,7 @@ PROMISED = "0.1px"
 
 def _tried(scene: rm.Scene, given: argparse.Namespace, frame: Any = None, within: str = "") -> rm.Proof:
     width, height = map(int, given.size.split("x"))
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), patch.object(search, "MOST", given.effort):
         warnings.simplefilter("ignore")
         return rm.prove(scene, frame, size=(width, height), tolerance=within or given.within)
 
@@ -143,8 +145,10 @@ def main() -> None:
     parser.add_argument("--trees", type=int, metavar="COUNT")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--estimates", action="store_true", help="random solids whose field is an estimate, too")
+    parser.add_argument("--effort", type=int, help="evaluations for a ray; 500 for random solids")
     parser.add_argument("--faults", action="store_true")
     asked = parser.parse_args()
+    asked.effort = asked.effort or (500 if asked.trees else search.MOST)
     sizes = {"96x54": asked.faults, "48x48": asked.nodes or asked.trees}
     asked.size = asked.size or next((size for size, given in sizes.items() if given), "160x90")
     if asked.faults:

@@ -50,7 +50,11 @@ def shifted(lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
     ids=["no shadow", "no light", "swapped", "moved by two pixels"],
 )
 def test_a_wrong_shadow_is_contradicted(monkeypatch: pytest.MonkeyPatch, fault: Any, least: int) -> None:
-    monkeypatch.setattr(module, "lit_pixels", lambda *given: fault(lit_pixels(*given)))
+    def spoiled(*given: Any) -> Any:
+        lit, depth = lit_pixels(*given)
+        return fault(lit), depth
+
+    monkeypatch.setattr(module, "lit_pixels", spoiled)
     (found,) = rm.prove(scene(), size=SIZE, shadows=True).shadows
     assert found.count(CONTRADICTED) >= least
 
@@ -112,3 +116,18 @@ def test_the_command(tmp_path: Any, capsys: pytest.CaptureFixture[str]) -> None:
 def test_bad_input() -> None:
     with pytest.raises(SceneError, match="prove: shadows"):
         rm.prove(scene(), size=(8, 8), shadows="yes")  # type: ignore[arg-type]
+
+
+def test_a_pixel_whose_picture_of_the_light_has_another_hit_is_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At a silhouette either of two hits may be right, and either may be dark."""
+
+    def elsewhere(*given: Any) -> Any:
+        lit, depth = lit_pixels(*given)
+        rows = np.arange(len(lit)) % 2 == 0
+        lit[rows], depth[rows] = False, 0.5 * depth[rows]
+        return lit, depth
+
+    monkeypatch.setattr(module, "lit_pixels", elsewhere)
+    (found,) = rm.prove(scene(), size=SIZE, shadows=True).shadows
+    assert found.count(CONTRADICTED) == 0 and found.count(PROVED) > 100
+    assert np.all(found.state[::2] == NOT_ASKED)
