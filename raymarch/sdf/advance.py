@@ -44,6 +44,7 @@ from raymarch.sdf.readings import (
     smooth_minimum_of,
     union_of,
 )
+from raymarch.sdf.same import remembered
 from raymarch.sdf.values import BOUND
 from raymarch.sdf.visibility import shown
 from raymarch.sdf.ways import Line, way_out
@@ -333,6 +334,7 @@ def is_implicit(node: Node) -> bool:
     return node.definition.name == "implicit_solid"
 
 
+@remembered
 def implicit_nodes(root: Node) -> list[Node]:
     """The implicit surfaces of a tree whose functions are known along a stretch."""
     return [n for n in children_first(root) if is_implicit(n) and free_way(n.params["function"], False) is not None]
@@ -342,6 +344,7 @@ PLACING = ("union", "select", "rigid", "scale")
 """Placings of operators that answer along a stretch as their children do."""
 
 
+@remembered
 def steepest_slopes(root: Node) -> list[float]:
     """By what the fields of the height maps of a tree are divided, which the advance is not; 1 for a map that is not
     only placed and united: blended, it answers with its distance near the seam."""
@@ -363,6 +366,7 @@ DEEPEST = 100
 """Largest number of nodes one above the other of a tree that is read: the readings of a chain are nested functions."""
 
 
+@remembered
 def readable(root: Node) -> bool:
     """True if the field is certified, and its tree not too deep."""
     depth: dict[int, int] = {}

@@ -15,6 +15,7 @@ from raymarch.expr.walk import find
 from raymarch.sdf.blends import FAMILIES
 from raymarch.sdf.definition import Definition
 from raymarch.sdf.node import Node, children_first
+from raymarch.sdf.same import remembered
 from raymarch.sdf.values import BOUND
 
 CONVEX = Kind(convex=True)
@@ -27,6 +28,7 @@ def is_concave_fold(function: Function) -> bool:
     return function in _CONCAVE
 
 
+@remembered
 def is_convex(node: Node) -> bool:
     """True if the field of a node is known to be a convex function of the point."""
     known: dict[int, bool] = {}
