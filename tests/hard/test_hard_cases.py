@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+import numpy as np
 import pytest
 
+import raymarch as rm
+from tests.hard import proved
 from tests.hard.table import PAGE, cases, ledger, page, round_to
 from tests.hard.world import Case, World
 
@@ -42,3 +47,38 @@ def test_the_page_is_that_of_code_and_ledger() -> None:
 
 def test_every_row_is_there() -> None:
     assert sorted({case.row for case in cases()}) == list(range(1, 93))
+
+
+@pytest.mark.parametrize("case", [case for case in cases() if case.row in (1, 2, 3, 27)], ids=lambda case: case.id)
+def test_the_share_that_is_proved_is_that_of_the_ledger(case: Case) -> None:
+    with proved.Proving() as world:
+        list(case.measure(world))
+        found = world.proved()
+    assert found is not None and found["proved"] == found["pixels"] > 6000 and found == proved.ledger()[case.id]
+
+
+def test_a_hit_that_is_moved_is_no_longer_proved() -> None:
+    """The judge asks the frame's own depths."""
+    with proved.Proving() as world:
+        frame = world.draw(rm.Scene(rm.sphere()))
+        kept = world.kept.copy()
+        assert world.proved() == {
+            "frames": 1,
+            "pixels": frame.depth.size,
+            "proved": frame.depth.size,
+            "contradicted": 0,
+        }
+        (scene, _, how) = next(iter(kept.values()))
+        world.kept[0] = scene, _Moved(frame.depth + 0.01, frame.size), how  # type: ignore[assignment]
+        assert world.proved()["contradicted"] > 500  # type: ignore[index]
+
+
+@dataclass
+class _Moved:
+    depth: np.ndarray
+    size: tuple[int, int]
+
+
+def test_contradicted_hits_are_explained() -> None:
+    found = {name for name, row in proved.ledger().items() if row["contradicted"]}
+    assert found == proved.EXPLAINED.keys()
