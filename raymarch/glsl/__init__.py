@@ -48,7 +48,7 @@ class Module:
 VARIANTS = frozenset(
     (
         "ADVANCE ANALYTIC BOUNCES CLIP_PLANES CONES CUTS ESTIMATE GRID HALVED LENS LIT NOTED ORTHOGRAPHIC OWN_START "
-        "PART RISING SAMPLES SHOWS STANDALONE STRETCH UNCOUNTED UNDIVIDED WIDE_CONE"
+        "PART PUBLISHED RISING SAMPLES SHOWS STANDALONE STRETCH UNCOUNTED UNDIVIDED WIDE_CONE"
     ).split()
 )
 """Names of conditional lines that the plan settles: `#ifdef` and `#ifndef` of these are not in the shader. Without

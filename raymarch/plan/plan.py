@@ -94,9 +94,12 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
     """The functions, modules and passes that draw a scene: the results of all stages, and what follows from them.
 
     probes : modules that inspect the field, each with its reason; see `raymarch.plan.probe`.
+    published : True to count the steps of a ray as Bálint and Valasek (2018) do, for comparisons: an undone step and
+        the plain one that replaces it are one, and no ray takes more than `Quality.max_steps`. Its passes must count.
     """
 
     probes: Mapping[str, str] = field(default_factory=dict)
+    published: bool = False
 
     @cached_property
     def variants(self) -> frozenset[str]:
@@ -110,6 +113,7 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
             "GRID": self.marching.resumed and marching.interlaced(self.scene),
             "LIT": self.lights_split,
             "NOTED": any(p.notes for p in self.passes),
+            "PUBLISHED": self.published,
             "RISING": self.scene.quality.rising_steps > self.marching.steps and not self.marching.resumed,
             "SAMPLES": self.scene.quality.samples > 1,
             "SHOWS": bool(lights.visible(self.scene)),

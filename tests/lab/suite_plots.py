@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from raymarch.cost.plots import COLORS, blank, draw_front
-from tests.lab.suite import SCHEDULES, TRACERS, Suite
+from tests.lab.suite import SCHEDULES, TRACERS, Suite, undone_of_all, undone_of_taken
 
 SCHEDULE_COLORS = {"two": "#1f6fc4", "four": "#2a9d3a", "six": "#e07b00", "cone": "#b0207a"}
 
@@ -52,15 +52,16 @@ def _finish(axes: Any, steps: Any, title: str) -> None:
 
 
 def figure_5(made: Suite) -> Any:
-    """Fraction of the steps 17 to 24 that were undone: black none, white all."""
+    """Fraction of P1's steps 17 to 24 that were undone: black none, white all."""
     names = list(made.scenes[0].oversteps)
     drawn = blank(4.2 * len(made.scenes), 2.7 * len(names))
     axes = np.atleast_2d(drawn.subplots(len(names), len(made.scenes)))
     for column, scene in enumerate(made.scenes):
         for row, name in enumerate(names):
             panel = axes[row, column]
-            panel.imshow(scene.oversteps[name], cmap="gray", vmin=0.0, vmax=1.0, interpolation="nearest")
-            panel.set_title(f"{scene.name}, {name}: mean {scene.oversteps[name].mean():.3f}", fontsize=9)
+            shown, taken = undone_of_all(scene.oversteps[name]), undone_of_taken(scene.oversteps[name])
+            panel.imshow(shown, cmap="gray", vmin=0.0, vmax=1.0, interpolation="nearest")
+            panel.set_title(f"{scene.name}, {name}: {taken:.1%} of those taken, {shown.mean():.1%} of all", fontsize=8)
             panel.set_axis_off()
     return drawn
 

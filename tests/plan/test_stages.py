@@ -54,6 +54,6 @@ def test_each_stage_runs_once_and_reads_each_form_once(name: str) -> None:
 def test_a_plan_is_its_stages_and_stays() -> None:
     made = plan(SCENES["text"])
     parts = {f.name for stage in (Asked, FieldPlan, SurfacePlan, PassPlan) for f in fields(stage)}
-    assert {f.name for f in fields(made)} == parts | {"probes"}
+    assert {f.name for f in fields(made)} == parts | {"probes", "published"}
     with pytest.raises(FrozenInstanceError):
         made.field = made.field  # type: ignore[misc]

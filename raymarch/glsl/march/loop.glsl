@@ -19,11 +19,16 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #ifndef UNCOUNTED
     float steps = 0.0;
 #endif
+#ifdef PUBLISHED
+    // as Bálint and Valasek (2018) count: an undone step and the plain one that replaces it are one step
+    for (int i = 0; i < march_steps + int(hit.fallbacks); i++) {
+#else
 #ifdef RISING
     // a ray that rises from a surface goes on: it has passed it
     for (int i = 0; i < march_steps || (i < rising_steps && at.last_derivative >= 0.0 && !at.refining); i++) {
 #else
     for (int i = 0; i < march_steps; i++) {
+#endif
 #endif
         float width = at.passing ? widths.z : widths.y;
 #ifdef ORTHOGRAPHIC
