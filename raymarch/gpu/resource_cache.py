@@ -22,7 +22,7 @@ from raymarch.gpu.frame_inputs import LightInputs
 from raymarch.gpu.prepare import Prepared
 from raymarch.gpu.program import FULL_SCREEN, Program, in_pass
 from raymarch.gpu.targets import PingPong, Target, upload, upload_pyramid
-from raymarch.plan import light_cells
+from raymarch.plan import light_cells, lights
 from raymarch.scene.scene import Scene
 
 KEPT = 32
@@ -215,7 +215,7 @@ class ResourceCache:
         others = [kept for kept in self._lights if kept[1] is not found]
         with self.context.bound():
             if found is None:
-                textures, most = {"u_lights": self._texels(rows)}, len(rows)
+                textures, most = {"u_lights": self._texels(lights.padded(rows))}, len(rows)
                 if balls is not None:
                     cells = light_cells.build(balls, np.asarray(lower), np.asarray(upper))
                     textures["u_light_cells"], most = self._texels(cells.texels), cells.most

@@ -84,10 +84,18 @@ def build(balls: NDArray[np.float64], lower: NDArray[np.float64], upper: NDArray
     texels[HEAD:begin, 0] = begin + np.cumsum(lengths) - lengths
     texels[HEAD:begin, 1] = lengths
     texels[begin:, 0] = lists
-    rows = -(-len(texels) // WIDTH)
+    rows = no_power_of_two(-(-len(texels) // WIDTH))
     full = np.zeros((rows * WIDTH, 4), np.float32)
     full[: len(texels)] = texels
     return LightCells(full.reshape(rows, WIDTH, 4), max(int(lengths.max()), len(outside), 1))
+
+
+def no_power_of_two(rows: int) -> int:
+    """The least number from `rows` on that is no power of two: for software renderers, textures whose sizes are powers
+    of two are another kind, for which they compile a program again."""
+    while rows & (rows - 1) == 0:
+        rows += 1
+    return rows
 
 
 def _spans(

@@ -16,6 +16,7 @@ from raymarch.expr.node import Expr, expr, var
 from raymarch.expr.types import Type
 from raymarch.expr.vocabulary import record
 from raymarch.expr.walk import free_variables
+from raymarch.plan.light_cells import no_power_of_two
 from raymarch.scene.light import (
     DIRECTION,
     DIRECTION_SAMPLE,
@@ -288,6 +289,15 @@ def rows(scene: Scene, values: Values, count: int | None = None) -> NDArray[np.f
     found = table(scene)
     made = _evaluated(found.fixed, found.varied, found.rows_now, values)[:count]
     return made.astype(np.float32).reshape(len(made), -1, 4)
+
+
+def padded(rows: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The rows as a texture: one texel more, of which the first row holds the number of lights, and a number of rows
+    that is no power of two. Software renderers compile a program again for a texture whose size is another kind."""
+    many, texels, _ = rows.shape
+    made = np.zeros((no_power_of_two(many), texels + 1, 4), np.float32)
+    made[:many, :texels], made[0, texels, 0] = rows, many
+    return made
 
 
 def in_cells(scene: Scene) -> bool:

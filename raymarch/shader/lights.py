@@ -360,7 +360,8 @@ def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
 def _count(plan: Plan) -> str:
     """The line that reads the number of lights. It is no part of the text, so that lights come and go without another
     program."""
-    return f"int light_count = {len(plan.scene.lights) if plan.standalone else 'textureSize(u_lights, 0).y'};"
+    read = f"int(texelFetch(u_lights, ivec2({lights.table(plan.scene).texels}, 0), 0).x)"
+    return f"int light_count = {len(plan.scene.lights) if plan.standalone else read};"
 
 
 def _turns(plan: Plan) -> list[str]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import raymarch as rm
-from raymarch.plan import plan, relit
+from raymarch.plan import light_cells, lights, plan, relit
 from raymarch.plan.live_lights import LightMemory, LiveLights
 from raymarch.scene.light import Light
 from raymarch.scene.scene import Scene
@@ -139,16 +139,29 @@ def test_random_samples_are_those_of_the_lights_alone(renderer: rm.Renderer) -> 
         np.testing.assert_allclose(picture, alone(each), rtol=0, atol=1e-5)
 
 
+def test_textures_of_lights_are_of_one_kind_for_the_driver() -> None:
+    """llvmpipe compiles a program again for the first texture whose height is a power of two, or is none."""
+    for n in range(1, 70):
+        rows = np.random.default_rng(n).uniform(size=(n, 3, 4)).astype(np.float32)
+        made = lights.padded(rows)
+        assert made.shape[1:] == (4, 4) and len(made) & (len(made) - 1) and len(made) <= max(n + 1, 3)
+        assert np.array_equal(made[:n, :3], rows) and made[0, 3, 0] == n
+    for n in (1, 30, 300):
+        balls = np.random.default_rng(n).uniform(1.0, 9.0, (n, 4))
+        height = len(light_cells.build(balls, np.zeros(3), np.full(3, 10.0)).texels)
+        assert height & (height - 1)
+
+
 def test_a_plan_with_other_lights_equals_a_new_one() -> None:
     """`relit` finds the shader's text, or says that it is another one."""
     memory = LightMemory()
     versions = [KINDS[:2], KINDS[:4], KINDS[2:4], KINDS, KINDS[3:]]
-    live = [memory.fit(scene(lights)) for lights in versions]
+    live = [memory.fit(scene(given)) for given in versions]
     assert live[0] is None and all(isinstance(each, LiveLights) for each in live[1:])
-    plans = [plan(scene(lights), live=how) for lights, how in zip(versions, live, strict=True)]
+    plans = [plan(scene(given), live=how) for given, how in zip(versions, live, strict=True)]
     texts = [assemble(each).text("color") for each in plans]
-    for i, lights in enumerate(versions[1:], 1):
-        found = relit(plans[i - 1], scene(lights), live[i])
+    for i, given in enumerate(versions[1:], 1):
+        found = relit(plans[i - 1], scene(given), live[i])
         assert (found is not None) == (texts[i] == texts[i - 1])
         assert found is None or assemble(found).text("color") == texts[i]
     assert [a == b for a, b in zip(texts[1:], texts, strict=False)] == [False, True, False, True]

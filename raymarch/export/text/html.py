@@ -24,6 +24,7 @@ from raymarch.expr.texels import Texels
 from raymarch.gpu.display import HIGH, HIT, LOW, VALUE, VECTOR
 from raymarch.gpu.views import ALL
 from raymarch.plan import Plan, plan
+from raymarch.plan.lights import padded
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
 from raymarch.shader import Shader, assemble
@@ -128,7 +129,7 @@ def _textures(made: Plan, shader: Shader, values: Values) -> Iterator[dict[str, 
         else:
             yield _numbers(name, data)
     if made.lights_as_data:
-        rows = light_rows(made, values)
+        rows = padded(light_rows(made, values))
         yield _texture("u_lights", rows.tobytes(), rows.shape[1::-1], rows.shape[2])
 
 
