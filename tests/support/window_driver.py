@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import select
 import signal
@@ -277,6 +278,16 @@ class Session:
             if self.process.poll() is not None or time.monotonic() > until:
                 raise AssertionError(f"no {event}: {events[since:][-20:]}\n{self.errors.read_text()}")
             time.sleep(0.01)
+
+    def raised(self, times: int) -> float:
+        """The value of the chosen parameter, raised step by step: a key that follows another too soon is dropped, so
+        each waits for the effect of the last."""
+        value = -math.inf
+        for _ in range(times):
+            mark = self.mark()
+            self.hand.key("Right")
+            value = self.wait("param", lambda e, last=value: e["value"] > last, mark)["value"]
+        return value
 
     def settled(self) -> NDArray[np.uint8]:
         """The picture once all that was done so far is shown, and whole; a key that does nothing marks its end."""

@@ -233,16 +233,14 @@ def test_a_sequence_of_a_still_scene_is_one_picture(session: Session) -> None:
 def test_a_parameter_that_comes_back_has_its_value(session: Session) -> None:
     hand = session.hand
     hand.key("n")
-    mark = session.mark()
-    for _ in range(4):
-        hand.key("Right")
-    value = session.wait("param", lambda e: e["value"] > 1.1, mark)["value"]
+    value = session.raised(4)
+    assert value > 1.1
     hand.key("Escape")
     big = session.settled()[210:, 300:]
     session.wait("loaded", since=session.save(SCENE.replace("sphere(RADIUS)", "sphere(1)")))
     assert not np.array_equal(session.settled()[210:, 300:], big)
     session.wait("loaded", since=session.save(SCENE))
-    assert value > 1.1 and np.array_equal(session.settled()[210:, 300:], big)
+    assert np.array_equal(session.settled()[210:, 300:], big)
 
 
 def test_values_are_written_into_the_file(session: Session) -> None:
@@ -250,9 +248,7 @@ def test_values_are_written_into_the_file(session: Session) -> None:
     hand, file = session.hand, session.folder / "scene.py"
     hand.key("n")
     mark = session.mark()
-    for _ in range(5):
-        hand.key("Right")
-    session.wait("param", lambda e: e["value"] > 1.14, mark)
+    assert session.raised(5) > 1.14
     hand.key("Escape")
     before = session.settled()
     hand.key("F2")

@@ -43,9 +43,8 @@ def test_a_session(view: View) -> None:
     compiled = session.events()[-1].get("compiled") or session.wait("frame")["compiled"]
     hand.key("n")
     mark = session.mark()
-    for _ in range(5):
-        hand.key("Right")
-    value = session.wait("param", lambda e: e["value"] > 1.14, mark)["value"]
+    value = session.raised(5)
+    assert value > 1.14
     hand.key("Escape")
     seen = session.settled()
     assert session.wait("frame", lambda e: e["whole"], mark)["compiled"] == compiled
