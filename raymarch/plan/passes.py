@@ -328,5 +328,6 @@ def joining(drawn: Sequence[Pass]) -> dict[str, str]:
     """The modules chosen to reproject the history, each with its reason."""
     history = {"temporal/history": "the history is reprojected"}
     if BEFORE in drawn:
-        return {**history, "temporal/changed": "the scene reads time or parameters"}
+        reason = "the scene reads time or parameters"
+        return {**history, "temporal/changed": reason, "temporal/rest": reason}
     return {**history, "temporal/unchanged": "the scene reads neither time nor parameters"}

@@ -346,7 +346,7 @@ def test_a_poisoned_surface_is_not_known_again(egl: Context, component: int, poi
 AT_REST = """
 void main() {
     ivec2 at = ivec2(gl_FragCoord.xy);
-    c = vec4(moves_around(at) ? 1.0 : 0.0, has_stayed(at, u_way) ? 1.0 : 0.0, 0.0, 0.0);
+    c = vec4(moves_around(at, 9) ? 1.0 : 0.0, has_stayed(at, u_way, 9) ? 1.0 : 0.0, 0.0, 0.0);
 }
 """
 WAY = (0.0, 0.6, -0.8)
@@ -460,8 +460,8 @@ uniform float u_most;
 float samples_kept(ivec2 at, float most) { return min(most, u_most); }
 uniform bool u_moves;
 uniform bool u_stayed;
-bool moves_around(ivec2 at) { return u_moves; }
-bool has_stayed(ivec2 at, vec3 direction) { return u_stayed; }
+bool moves_around(ivec2 at, int nine) { return nine == 9 && u_moves; }
+bool has_stayed(ivec2 at, vec3 direction, int nine) { return nine != 9 || u_stayed; }
 vec4 filter_sample(ivec2 at, vec4 color, vec2 jitter, float share) { return color; }
 """
 

@@ -48,11 +48,12 @@ void main() {
     if (!finite(color)) color = vec4(0.0);
     vec4 before = vec4(0.0);
     if (u_keep) before = texelFetch(u_history, at, 0);
+    int nine = u_keep && !u_still && u_camera_rests ? 9 : 0;
     if (u_keep && !u_still) {
         Ray ray = camera_ray(PIXEL + u_jitter);
         // A pixel at rest has a history of its own, unless something has left it.
-        bool rests = u_camera_rests && !moves_around(at);
-        if (rests && (!finite(before) || !has_stayed(at, ray.direction))) before = vec4(0.0);
+        bool rests = u_camera_rests && !moves_around(at, nine);
+        if (rests && (!finite(before) || !has_stayed(at, ray.direction, nine))) before = vec4(0.0);
         float most = rests ? max(before.a, MEMORY) : MEMORY;
         float kept = samples_kept(at, most);
         if (!rests || kept < most) {
