@@ -119,8 +119,8 @@ def _along_axes(values: NDArray[np.float64], cell: NDArray[np.float64]) -> NDArr
 def slopes_at_surface(node: Node) -> tuple[float, float] | None:
     """The least and the largest slope of the undivided field on the surface, but for 1 % each; None if not known.
 
-    An offset by d moves the surface by d over the slope there. Points where the gradient is 0 are left out: there two
-    solids touch from both sides, as a mirrored one its image.
+    An offset by d moves the surface by d over the slope there. Points where the gradient is 0, but for rounding, are
+    left out: there two solids touch from both sides, as a mirrored one its image, or an outline its axis of revolution.
     """
     found = _surface_points(node, PROBES // 4, 0.05)
     if found is None:
@@ -128,7 +128,7 @@ def slopes_at_surface(node: Node) -> tuple[float, float] | None:
     points, _, size = found
     value, gradient = evaluate_both(undivided_field(node), points)
     slopes = np.linalg.norm(gradient, axis=1)
-    slopes = slopes[(np.abs(value) <= 1e-6 * size) & np.isfinite(points).all(axis=1) & (slopes > 0.0)]
+    slopes = slopes[(np.abs(value) <= 1e-6 * size) & np.isfinite(points).all(axis=1) & (slopes > 1e-9)]
     if len(slopes) < 16:
         return None
     low, high = np.quantile(slopes, (0.01, 0.99))

@@ -109,3 +109,15 @@ def test_plan_and_doubts_say_by_how_much() -> None:
         assert not [doubt for doubt in renderer.render(plain).doubts() if "acts on" in doubt]
     (said,) = plan(plain).warnings
     assert "edges" in said
+
+
+def test_the_axis_of_a_revolved_outline_is_no_surface() -> None:
+    """The field is 0 on the axis, where an edge of the outline is, and negative around it."""
+    crown = [(0, 1.7), (0.14, 1.7), (0.3, 2.15), (0.05, 2.25), (0, 2.25)]
+    turned = rm.polygon(crown).revolve()
+    assert turned.exactness == "bound" and turned.distance((0, 2, 0)) == 0.0
+    assert slopes_at_surface(turned) == pytest.approx((1.0, 1.0), abs=1e-3)
+    assert not list(moved_otherwise(turned.round(0.02), doubted=True))
+    flat = rm.implicit(lambda p: p.y * p.y * p.y, bounds=((-1, -1, -1), (1, 1, 1)))
+    low, _ = slopes_at_surface(flat) or (1.0, 1.0)
+    assert low < 1e-2  # a surface that is flat is one all the same
