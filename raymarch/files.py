@@ -195,6 +195,8 @@ def written(file: Path, error: type[RaymarchError] = SceneError, folder: Path | 
             if before is not None:
                 partial.chmod(stat.S_IMODE(mode))
             partial.replace(target)
+    except RaymarchError:  # a ValueError too: of the block, and complete
+        raise
     except (OSError, ValueError, MemoryError, struct.error) as fault:  # the last three are limits of formats
         reason = getattr(fault, "strerror", None) or str(fault) or type(fault).__name__
         reason = reason.replace(str(partial), os.fspath(file))  # as some libraries name what they write

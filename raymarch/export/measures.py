@@ -98,7 +98,10 @@ class Measures:
         ------
         SceneError : no points, or points that lead to no surface.
         """
-        p = numbers("thickness: points", points, "(N, 3) or (3,)").reshape(-1, 3)
+        p = numbers("thickness: points", points, "(N, 3) or (3,)")
+        if p.ndim not in (1, 2) or p.shape[-1] != 3:
+            raise SceneError(f"thickness: points of shape {p.shape}", legal="(N, 3) or (3,)")
+        p = p.reshape(-1, 3)
         node, time, params = self.scene.node, self.time, self.params
         scale = float(np.max(np.abs(self.bounds))) + float(np.max(self.extent))
         for _ in range(PROJECTIONS):

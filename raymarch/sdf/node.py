@@ -430,7 +430,7 @@ class Node:
 
         Parameters
         ----------
-        offset : the motion along +x, a length >= 0.
+        offset : the motion along +x. The part that is then at x < 0 is cut off.
         angle : of the whole turn in radians, half of it on either side of the +x axis, above 0 and up to 2 pi.
 
         Returns

@@ -72,3 +72,11 @@ def test_distance_of_two_parts() -> None:
 def test_points_that_lead_nowhere_are_refused() -> None:
     with pytest.raises(rm.SceneError, match="lead to no surface"):
         rm.measure(rm.sphere(), cells=8).thickness((0, 0, 0))
+
+
+@pytest.mark.parametrize("points", [[(9, 9)], (1, 2, 3, 4), [[[1, 2, 3]]], 3])
+def test_points_of_another_shape_are_refused(points: object) -> None:
+    with pytest.raises(
+        rm.SceneError, match=r"test_measures.py:\d+: thickness: points of shape .* \(\(N, 3\) or \(3,\)"
+    ):
+        rm.measure(rm.sphere(), cells=8).thickness(points)  # type: ignore[arg-type]
