@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from raymarch.errors import RaymarchError, SceneError
+from raymarch.errors import Location, RaymarchError, SceneError, warn
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import file_path, integer, numbers, real, short, switch
 from raymarch.files import import_optional, written
@@ -82,11 +82,12 @@ def export(
     time, params : values for meshes; initial values of shaders and pages.
     shadertoy : .glsl only. True writes a shader for Shadertoy: the tab Image, or the tabs Buffer A and Image if a still
         scene takes several samples.
-    cells : meshes only. Cells along the longest edge of the box, 2 to 2048; None is 128. The mesh is at most half the
-        diagonal of a cell away from the surface, where that is thicker than a cell, and has sharp edges and corners.
+    cells : meshes only. Cells along the longest edge of the box, 2 to 2048; None is 128, or up to 512 if no point of
+        that grid lies inside the solid. The mesh is at most half the diagonal of a cell away from the surface, and has
+        sharp edges and corners. It may lack parts and gaps thinner than a cell, of which a SceneWarning tells.
     tolerance : meshes only. Largest distance of the mesh from the surface, > 0, at up to 20,000 vertices and as many
-        middles of triangles. From `cells` on, 32 if that is None, more are tried, up to 512. None does not check. Parts
-        of the solid that are thinner than a cell may still be missing.
+        middles of triangles. From `cells` on, 32 if that is None, more are tried, up to 512, also where parts or
+        gaps thinner than a cell are missing. None does not check.
     box : meshes only. Corners (lower, upper), to which the solid is clipped. None is the bounds of the solid.
     progress : called with the fraction done, 0 to 1.
 
@@ -208,16 +209,38 @@ def _mesh(
     corners = None if box is None else _corners(what, box)
     while True:
         made = surface.surface_of(scene, values, count, corners, progress)
-        if most is None or made.deviation <= most:
-            return made
-        if count >= LAST:
-            raise SceneError(
-                f"{what}: the mesh of {count} cells is off the surface by up to {made.deviation:.3g}, more than the "
-                f"tolerance {most:g}",
-                legal=f"cells={2 * count}, or a larger tolerance",
-                where=scene.node.where,
-            )
-        count = min(LAST, int(np.ceil(count * np.clip(made.deviation / most, 1.25, 2.0))))
+        whole, empty = not len(made.missed), not len(made.faces)
+        wanted = (cells is None and empty) if most is None else made.deviation > most or not whole
+        if not wanted or count >= LAST:
+            break
+        grown = np.clip(made.deviation / most, 1.25, 2.0) if most is not None and whole else 2.0
+        count = min(LAST, int(np.ceil(count * grown)))
+    _check_mesh(what, made, count, most, scene.node.where)
+    return made
+
+
+def _check_mesh(what: str, made: Surface, cells: int, tolerance: float | None, where: Location | None) -> None:
+    """SceneError for an empty mesh or one beyond the tolerance, SceneWarning for one that lacks parts."""
+    thin = len(made.missed) > 0
+    if not len(made.faces):
+        text = f"{what}: the mesh is empty: no point of the grid of {cells} cells lies inside the solid"
+        more = f", which is thinner than a cell, {made.cell:.3g}" if thin else ""
+        raise SceneError(text + more, legal="a solid in the box, or more cells", where=where)
+    if thin:
+        at = ", ".join(f"{x:.4g}" for x in made.missed[len(made.missed) // 2])
+        text = (
+            f"{what}: the mesh of {cells} cells lacks parts or gaps thinner than a cell, {made.cell:.3g}, as at ({at})"
+        )
+        if tolerance is not None:
+            raise SceneError(text, legal=f"cells={2 * cells}, or wider parts and gaps", where=where)
+        warn(f"{text} (cells={2 * cells}, or a tolerance)", where)
+    if tolerance is not None and made.deviation > tolerance:
+        raise SceneError(
+            f"{what}: the mesh of {cells} cells is off the surface by up to {made.deviation:.3g}, more than the "
+            f"tolerance {tolerance:g}",
+            legal=f"cells={2 * cells}, or a larger tolerance",
+            where=where,
+        )
 
 
 FIRST, LAST, TINY = 32, 512, 1e-18

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.export.dual import contour
+from raymarch.export.thin import missed, watched
 from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.raw import without_twin
 from raymarch.scene.parameter import Values
@@ -59,6 +60,8 @@ class Surface:
         for parts that are thinner than a cell. Vertices lie on sharp edges and corners.
     blocks, sampled : numbers of blocks of cells in the box, and of those that were sampled.
     deviation : largest distance of vertices and middles of triangles, of up to 20,000 of each, from the surface.
+    missed : (N, 3), points of the surface that are a cell or more away from the triangles: of parts and gaps thinner
+        than a cell. Not sought for a field that is only an estimate.
     """
 
     vertices: NDArray[np.float64]
@@ -69,6 +72,7 @@ class Surface:
     blocks: int
     sampled: int
     deviation: float
+    missed: NDArray[np.float64]
 
     def __repr__(self) -> str:
         return f"<mesh: {len(self.faces):,} triangles, off the surface by up to {self.deviation:.2g}>"
@@ -139,11 +143,14 @@ def surface_of(
     def nearby(points: Array) -> tuple[Array, Array]:
         return _linear(field, solid, first + cell * points, cell)
 
-    mesh = contour(_values_of_blocks(solid, first, cell, blocks, progress), tangents, nearby)
+    near: list[Array] = []
+    sampled = watched(_values_of_blocks(solid, first, cell, blocks, progress), solid.lipschitz, near)
+    mesh = contour(sampled, tangents, nearby)
     vertices, faces = first + cell * mesh.vertices, mesh.faces
+    certain = scene.node.exactness != "estimate"
+    thin = first + cell * missed(near, mesh.vertices, nearby) if certain else np.empty((0, 3))
     if not len(faces):
-        what = "the mesh is empty: no point of the grid lies inside the solid"
-        raise SceneError(what, legal="a solid in the box, or more cells", where=scene.node.where)
+        return Surface(vertices, vertices, faces, vertices, cell, 0, len(blocks), np.inf, thin)
     count = int(np.prod(-(-shape // BLOCK)))
     normals = _normals(_gradients(field, solid, vertices), mesh.normals, vertices, faces)
     colors = np.empty_like(vertices)
@@ -153,7 +160,7 @@ def surface_of(
     middles = vertices[faces[:: 1 + len(faces) // CHECKED]].mean(axis=1)
     checked = np.concatenate([middles, vertices[:: 1 + len(vertices) // CHECKED]])
     deviation = float(np.max(_distances(field, solid, checked)))
-    return Surface(vertices, normals, faces, colors, cell, count, len(blocks), deviation)
+    return Surface(vertices, normals, faces, colors, cell, count, len(blocks), deviation, thin)
 
 
 def _box_of(node: Node, box: tuple[Array, Array] | None) -> tuple[Array, Array]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import struct
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -86,6 +88,48 @@ def test_a_tolerance_is_kept_or_refused(tmp_path: Path) -> None:
         rm.export(ball, tmp_path / "a.html", tolerance=0.1)
 
 
+THIN = {
+    "fin": (rm.box(1) | rm.box((3, 0.01, 3)).translate((1, 0.06, 0)), 1.08),
+    "wire": (
+        rm.box(1) | rm.cylinder(0.02, 3).rotate(1, "x").translate((0.04, 0, 0)),
+        1 + math.pi * 0.02**2 * (3 - 1 / math.sin(1)),
+    ),
+    "slit": (rm.box(2) - rm.box((0.01, 3, 1)).translate((0.303, 0, 0)), 8 - 0.02),
+}
+
+
+@pytest.mark.parametrize("name", THIN)
+def test_parts_that_the_grid_misses_are_told_or_found(name: str) -> None:
+    """A fin of 0.01 was left out of meshes, measures and printed parts, and the deviation did not show it."""
+    solid, volume = THIN[name]
+    with pytest.warns(
+        rm.SceneWarning, match=r"24 cells lacks parts or gaps thinner than a cell, .* \(cells=48, or a tol"
+    ):
+        coarse = rm.triangulate(solid, cells=24)
+    assert len(coarse.missed) and abs(coarse.volume - volume) > 0.002
+    assert np.abs(solid.distance(coarse.missed)).max() < 1e-3 * coarse.cell
+    if name != "slit":
+        fine = rm.triangulate(solid, tolerance=0.005, cells=48)
+        assert fine.volume == pytest.approx(volume, abs=3e-4) and not len(fine.missed)
+
+
+def test_a_plate_between_the_points_of_the_grid_takes_more_cells() -> None:
+    for plate in (rm.triangulate(rm.box((10, 0.05, 10))), rm.triangulate(rm.box((10, 0.05, 10)), tolerance=0.01)):
+        assert plate.volume == pytest.approx(5, rel=1e-3)
+    with pytest.raises(
+        rm.SceneError, match=r"grid of 64 cells lies inside the solid, which is thinner than a cell, 0.156"
+    ):
+        rm.triangulate(rm.box((10, 0.05, 10)), cells=64)
+
+
+@pytest.mark.parametrize("solid", [rm.box(1) - rm.box((0.5, 1, 0.5)), rm.box(1) | rm.box(1).translate((1, 1, 0))])
+def test_faces_that_touch_are_no_thin_parts(solid: rm.Node) -> None:
+    """Films without a thickness, and edges that touch, are no part of a mesh."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert not len(rm.triangulate(solid, cells=40).missed)
+
+
 def test_the_deviation_of_a_field_that_rises_slowly_in_places() -> None:
     """Near the ends of a thread the gradient is short, and the value over its length is far more than the distance."""
 
@@ -93,7 +137,8 @@ def test_the_deviation_of_a_field_that_rises_slowly_in_places() -> None:
         return 0.9 * abs(2 * rm.fract(p.y / 1.5 - rm.atan2(p.z, p.x) / rm.tau) - 1) - 0.45
 
     screw = rm.cylinder(radius=7.55, height=14).displace_by(groove, lipschitz=1.21) & rm.slab(thickness=14)
-    mesh = rm.triangulate(screw, cells=64)
+    with pytest.warns(rm.SceneWarning, match="thinner than a cell"):  # crests that the ends cut to slivers
+        mesh = rm.triangulate(screw, cells=64)
     at = np.concatenate([mesh.vertices, mesh.vertices[mesh.faces].mean(axis=1)])
     assert mesh.deviation >= np.abs(screw.distance(at)).max(), "the field is a lower bound of the distance"
     assert mesh.deviation < 1.5 * mesh.cell

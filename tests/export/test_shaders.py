@@ -246,10 +246,10 @@ def test_textures_replace_no_file_of_the_user(tmp_path: Path) -> None:
     for make in user:
         make()
         before = beside.lstat().st_mtime_ns
-        with pytest.raises(
-            SceneError,
-            match=r"^\S+:\d+: export: the textures of '.*' belong into '.*made.textures.npz', which is another file \(another",
-        ):
+        once = (
+            r"^\S+:\d+: export: the textures of '.*' belong into '.*made.textures.npz', which is another file \(another"
+        )
+        with pytest.raises(SceneError, match=once):
             rm.export(scene, tmp_path / "made.glsl")
         assert beside.lstat().st_mtime_ns == before and files(tmp_path) == {beside.name}
         beside.unlink()
