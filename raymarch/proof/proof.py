@@ -216,7 +216,8 @@ def prove(
 
     Raises
     ------
-    SceneError : a frame without depths (H, W) or with NaN, and for a tolerance that is not above 0.
+    SceneError : a frame without depths (H, W) or with NaN, a tolerance that is not above 0, and arguments of another
+        kind or outside their range.
 
     Notes
     -----
@@ -227,12 +228,14 @@ def prove(
     scene = as_scene("prove", scene)
     if pixels not in ("center", "whole"):
         raise SceneError(f"prove: pixels = {short(pixels)}", legal='"center" or "whole"')
+    if progress is not None and not callable(progress):
+        raise SceneError(f"prove: progress = {short(progress)}", legal="a function of the fraction done, or None")
     share, length, text = _tolerance(tolerance)
     if frame is None:
         with Renderer(size) as renderer:
             frame = renderer.render(scene, time or 0.0, params, outputs=("depth",))
     depth = _depths(frame)
-    shape, at = depth.shape, time if time is not None else float(getattr(frame, "time", 0.0))
+    shape, at = depth.shape, time if time is not None else getattr(frame, "time", 0.0)
     values = set_values(scene.parameters, params, at, scene.where)
     warn_of_values(scene.node, values.params, values.time)
     pose = scene.pose(values, shape[1] / shape[0])

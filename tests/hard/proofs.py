@@ -11,6 +11,8 @@ import numpy as np
 import raymarch as rm
 from raymarch.proof import search
 from raymarch.proof.search import CONTRADICTED
+from raymarch.scene.quality import CONTACT
+from raymarch.sdf.levels import flatness
 
 TOLERANCE = "0.1px"
 """Of the promise about what a ray may pass, in docs/marching.md."""
@@ -22,17 +24,23 @@ EFFORT = 500
 def contradicted(
     scene: rm.Scene, frame: Any, params: Mapping[str, float] | None = None, time: float = 0.0, shadows: bool = False
 ) -> list[str]:
-    """What a proof says against the hits of a frame, and against the hard shadows of its scene; nothing about
-    estimates, of which a march promises nothing."""
+    """What a proof says against the hits of a frame, and against the hard shadows of its scene.
+
+    Nothing about estimates, of which a march promises nothing; nor about hits before a surface of a flat field: it may
+    have a valley off its surface, lower than the contact, and a ray may end there.
+    """
     if scene.node.exactness == "estimate":
         return []
     with patch.object(search, "MOST", EFFORT):
         found = rm.prove(scene, frame, tolerance=TOLERANCE, params=params, time=time, shadows=shadows)
     said = []
-    if found.contradicted:
-        rows, columns = np.nonzero(found.state == CONTRADICTED)
+    wrong = found.state == CONTRADICTED
+    if flatness(scene.node) > 1.0 / CONTACT:
+        wrong &= found.high < found.depth - found.within
+    if wrong.any():
+        rows, columns = np.nonzero(wrong)
         first = f"the first in row {rows[0]}, column {columns[0]}"
-        said += [f"{found.contradicted} hits are contradicted by intervals, {first}"]
+        said += [f"{len(rows)} hits are contradicted by intervals, {first}"]
         said += [f"wrong fact: {fact}" for fact in found.wrong_facts]
     for each in found.shadows:
         count = each.count(CONTRADICTED)

@@ -169,6 +169,23 @@ def test_bad_input_is_one_line(frame: object, within: object, words: str) -> Non
     assert "\n" not in str(fault.value)
 
 
+def test_other_bad_arguments_are_one_line() -> None:
+    scene, frame = rm.Scene(rm.sphere(rm.Param("r", 1, 0.5, 2))), with_depth(np.ones((2, 2)))
+    timed = SimpleNamespace(depth=frame.depth, time="noon")
+    for given, words in (
+        ({"progress": 3}, "prove: progress = 3"),
+        ({"frame": timed}, "time = 'noon'"),
+        ({"params": {"q": 1}}, "unknown parameter 'q'"),
+        ({"params": {"r": 9}}, "parameter 'r' = 9"),
+        ({"frame": np.ones((2, 2))}, "depth of the frame = None"),
+        ({"tolerance": "1e400px"}, "tolerance = '1e400px'"),
+        ({"pixels": 3}, "pixels = 3"),
+    ):
+        with pytest.raises(rm.RaymarchError, match=words) as fault:
+            rm.prove(scene, **{"frame": frame, **given})
+        assert "\n" not in str(fault.value)
+
+
 def test_what_keeps_pixels_open_is_named() -> None:
     code = "float bumpy(vec3 p) { return length(p) - 1.0; }"
     solid = rm.glsl_node(code, "bumpy", bounds=((-1, -1, -1), (1, 1, 1)), twin=lambda p: np.linalg.norm(p, axis=1) - 1)
