@@ -12,6 +12,7 @@ from typing import Any
 from rich.table import Table
 
 from raymarch.cost.errors import picture_doubt
+from raymarch.cost.rivals import ratio, ties
 from raymarch.cost.sweep import Point, Sweep
 from raymarch.cost.variants import VARIANTS
 
@@ -295,12 +296,11 @@ def worth(front: Sequence[Point], metric: str) -> list[Point]:
 
 
 def standing(made: Sweep, metric: str) -> str:
-    """Distance of the scene's own setting from the front, and whether it is significant."""
+    """Distance of the scene's own setting from the front, if it is certain and worth a change."""
     base = made.base
     rivals = [p for p in made.comparable(metric) if p.error(metric) <= base.error(metric)]
-    best = min(rivals, key=lambda p: p.time.value)
-    times = base.time.value / best.time.value
-    if times <= 1.0:
-        return "lies on the front"
-    noise = " (their 95 % intervals overlap)" if base.time.overlaps(best.time) else ""
-    return f"takes {times:.2f} times as long as the fastest setting that is as accurate: {best.name}{noise}"
+    best = min(rivals, key=lambda p: ratio(p, base).value)
+    found = ratio(base, best)
+    if best is base or ties(base, best):
+        return "ties with the fastest that are as accurate: none surely takes a tenth less"
+    return f"takes {found.value:.2f} times as long as the fastest setting that is as accurate: {best.name}"

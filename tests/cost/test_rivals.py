@@ -15,6 +15,7 @@ from raymarch.cost.reference import reference
 from raymarch.cost.rivals import candidates, reach, sturdiness, time_again
 from raymarch.cost.settings import Setting, setting
 from raymarch.cost.sweep import Sweep, sweep
+from raymarch.cost.text import standing
 from raymarch.cost.views import cameras, views
 from raymarch.scene.file import load
 from raymarch.scene.parameter import Values
@@ -65,6 +66,14 @@ def noisy(known, seed: int, speeds: list[float]) -> Sweep:
 def test_the_advice_is_the_same_whatever_the_noise(known, speeds, best):
     found = {tuple(p.name for _, p in answers(made)) for made in (noisy(known, seed, speeds) for seed in SEEDS)}
     assert found == {(best,) * len(BOUNDS)}
+
+
+def test_what_is_said_of_the_own_setting_does_not_name_a_rival_by_chance(known):
+    made = [noisy(known, seed, [9.9, 9.7, 9.8, 9.6]) for seed in SEEDS]
+    assert {standing(m, "pixels_p99") for m in made} == {
+        "ties with the fastest that are as accurate: none surely takes a tenth less"
+    }
+    assert "takes 1." in standing(noisy(known, 1, [9.9, 5.0, 9.8, 9.6]), "pixels_p99")
 
 
 def test_the_fastest_of_each_run_differs(known):

@@ -167,7 +167,7 @@
     const p = points[index];
     const lit = frontOf(points.filter(usable)).includes(p);
     at("shown").innerHTML = escape(p.name) + (lit ? '<span class="badge">front</span>' : "") +
-      (p.finest ? '<span class="badge">most accurate</span>' : "");
+      (p.finest ? '<span class="badge">none is surely more exact</span>' : "");
     at("figures").innerHTML = `${escape(p.tracer)}; ${figures(p)}`;
     at("shown-picture").src = pictures[p.picture ?? data.reference];
     at("shown-picture").alt = `picture with ${p.name}`;
@@ -369,8 +369,10 @@
   }
 
   const first = points.findIndex((p) => p.bound === 0.5), last = points.findIndex((p) => p.finest);
-  show(first >= 0 ? first : 0, false);
-  state.chosen = [first >= 0 ? first : 0, last >= 0 ? last : 0];
+  const a = Math.max(first, 0), own = Math.max(last, 0);
+  const other = points.findIndex((p, k) => p.preset && k !== a); // one setting may be all answers
+  show(a, false);
+  state.chosen = [a, own === a && other >= 0 ? other : own];
   at("a").value = state.chosen[0];
   at("b").value = state.chosen[1];
   draw();
