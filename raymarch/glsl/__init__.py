@@ -146,8 +146,8 @@ LANGUAGE = frozenset(
     discard true false highp mediump lowp precision
     radians degrees sin cos tan asin acos atan sinh cosh tanh pow exp log exp2 log2 sqrt inversesqrt abs sign floor ceil
     trunc round fract mod min max clamp mix step smoothstep isnan isinf length distance dot cross normalize reflect
-    refract transpose inverse determinant texelFetch textureSize texture any all not lessThan greaterThan equal
-    floatBitsToUint uintBitsToFloat gl_FragCoord greaterThanEqual ifdef ifndef else endif CONE clock2x32ARB
+    refract transpose inverse determinant texelFetch textureSize texture textureLod any all not lessThan greaterThan
+    equal floatBitsToUint uintBitsToFloat gl_FragCoord greaterThanEqual ifdef ifndef else endif CONE clock2x32ARB
     """.split()
 )
 """Keywords and functions of GLSL, and the preprocessor names of passes."""
@@ -156,6 +156,36 @@ LANGUAGE = frozenset(
 def words(text: str) -> list[str]:
     """The words and marks of a text without its comments. A number, or a name with its fields, is one word."""
     return _code(text).translate(_APART).split()
+
+
+_PAIRS = frozenset("+= -= *= /= == != <= >= && || ++ --".split())
+
+
+@lru_cache(8192)
+def placed_words(line: str) -> tuple[tuple[str, ...], tuple[int, ...]]:
+    """The words and marks of a line, and the place of each; none for a comment or a line of the preprocessor. Operators
+    of two characters are one word, and names, dots and fields are words of their own."""
+    found: list[str] = []
+    places: list[int] = []
+    place = 0
+    for whole in "" if line.startswith("#") else line.partition("//")[0].translate(_APART).split():
+        place = line.index(whole, place)
+        for word in _apart(whole):
+            if found and found[-1] + word in _PAIRS and places[-1] + 1 == place:
+                found[-1] += word
+            else:
+                found.append(word)
+                places.append(place)
+            place += len(word)
+    return tuple(found), tuple(places)
+
+
+def _apart(word: str) -> list[str]:
+    """A name, dots and fields; a number and its fields as one."""
+    if "." not in word or word.lstrip(".")[0].isdigit():
+        return [word]
+    first, *fields = word.split(".")
+    return [part for part in (first, *(part for field in fields for part in (".", field))) if part]
 
 
 def is_type(word: str) -> bool:

@@ -42,6 +42,7 @@ from raymarch.shader.lights import light_rows
 from raymarch.shader.link import link, module
 from raymarch.shader.shade import shading
 from raymarch.shader.standalone import Setup
+from raymarch.shader.trim import trimmed
 
 HEADERS = {
     "330 core": ["#version 330 core"],
@@ -170,10 +171,13 @@ def assemble(
         if not found:
             raise _too_many_textures(plan, too_many + TEXTURE_UNITS)
         return assemble(plan, inputs, constants, found, part)
-    body += _main(mains)
+    body = trimmed([*body, *_main(mains)], frozenset[str]().union(*(chunk.gives for chunk in mains)))
+    unread = {name for name in text.samples if sum(name in line.text for line in body) == 1} - constants
+    body = [line for line in body if line.uniform is None or line.uniform.name not in unread]
+    samples = {name: of for name, of in text.samples.items() if name not in unread}
     names, heads = tuple(p.name for p in passes), tuple(p.head for p in passes)
     modules = {p.module: p.reason for p in plan.passes} | dict(linked.reasons)
-    return Shader(tuple(body), names, heads, parameters, text.uses_time, text.samples, modules, constants)
+    return Shader(tuple(body), names, heads, parameters, text.uses_time, samples, modules, constants)
 
 
 def _of_scene(plan: Plan, constant_lights: bool) -> dict[str, Callable[[], Chunk]]:
@@ -195,7 +199,7 @@ def assemble_effect(chosen: Pass) -> Shader:
     main = module(chosen.module)
     linked = link([main], {}, {})
     body = [line for chunk in linked.chunks for line in (*chunk.lines, Mapped("", chunk.name))]
-    return Shader((*body, *main.lines), (chosen.name,), (chosen.head,), {}, False, {}, linked.reasons)
+    return Shader(tuple(trimmed([*body, *main.lines])), (chosen.name,), (chosen.head,), {}, False, {}, linked.reasons)
 
 
 def _main(mains: Sequence[Chunk]) -> list[Mapped]:

@@ -1,22 +1,24 @@
 """Link the chunks of a shader: pull in what each uses, and sort them so that each follows what it uses.
 
-A name is given by a generated chunk, or by a module of `raymarch.glsl`. If several modules define it, the plan has
-chosen one of them; see `Plan.choices`.
+A module has parts, which blank lines separate; the parts that nothing uses are left out. A name is given by a generated
+chunk, or by a module of `raymarch.glsl`. If several modules define it, the plan has chosen one of them; see
+`Plan.choices`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from raymarch import glsl
-from raymarch.glsl import Declared
+from raymarch.glsl import Declared, Module
 from raymarch.shader.chunk import Chunk, Mapped
 
 
 @dataclass(frozen=True, slots=True)
 class Linked:
-    """Chunks in the order of the text, all names that they define, and the reason of each module, by its name."""
+    """Chunks in the order of the text, all names that they and what was left out of them define, and the reason of each
+    module, by its name."""
 
     chunks: tuple[Chunk, ...]
     names: frozenset[str]
@@ -26,14 +28,14 @@ class Linked:
 def module(name: str, variants: frozenset[str] = frozenset()) -> Chunk:
     """The chunk of a module of `raymarch.glsl`. variants : see `raymarch.glsl.load`."""
     found = glsl.load(name, variants)
-    read, chunk = _chunks.get((name, variants), (None, None))
+    read, chunk, _ = _chunks.get((name, variants), (None, None, None))
     if read is not found or chunk is None:
         lines = tuple(
             Mapped(text, f"line {i} of raymarch/glsl/{name}.glsl", uniform=_uniform(text))
             for text, i in zip(found.lines, found.numbers, strict=True)
         )
         chunk = Chunk(name, found.needs, found.gives, lines)
-        _chunks[name, variants] = found, chunk
+        _chunks[name, variants] = found, chunk, tuple(_parts(chunk))
     return chunk
 
 
@@ -41,8 +43,46 @@ def _uniform(line: str) -> Declared | None:
     return glsl.declarations(line)[0] if line.startswith("uniform ") else None
 
 
-_chunks: dict[tuple[str, frozenset[str]], tuple[glsl.Module, Chunk]] = {}
-"""The chunks of modules that were linked before, each with the text that it was made of."""
+_chunks: dict[tuple[str, frozenset[str]], tuple[Module, Chunk, tuple[Chunk, ...]]] = {}
+"""The chunks of modules that were linked before, each with the text that it was made of, and its parts."""
+
+
+def _parts(chunk: Chunk) -> Iterator[Chunk]:
+    """The parts of a module. A comment before a blank line belongs to what follows."""
+    lines: list[Mapped] = []
+    for line in chunk.lines:
+        if not line.text and any(not kept.text.startswith("//") for kept in lines):
+            yield Chunk.of(chunk.name, lines)
+            lines = []
+        lines.append(line)
+    yield Chunk.of(chunk.name, lines)
+
+
+def _trimmed(chunks: Iterable[Chunk], roots: Sequence[Chunk], variants: frozenset[str]) -> tuple[Chunk, ...]:
+    """The chunks without the parts of modules that neither the roots use nor what they use."""
+    parts = [part for chunk in chunks for part in _chunks.get((chunk.name, variants), (None, chunk, (chunk,)))[2]]
+    givers = {name: part for part in parts for name in part.gives}
+    reached, pending = set[int](), list(roots)
+    while pending:
+        for name in pending.pop().needs:
+            part = givers.get(name)
+            if part is not None and id(part) not in reached:
+                reached.add(id(part))
+                pending.append(part)
+    kept: dict[str, list[Chunk]] = {}
+    for part in parts:
+        if id(part) in reached:
+            kept.setdefault(part.name, []).append(part)
+    return tuple(_joined(found) for found in kept.values())
+
+
+def _joined(parts: list[Chunk]) -> Chunk:
+    if len(parts) == 1 and (not parts[0].lines or parts[0].lines[0].text):
+        return parts[0]
+    lines = [line for part in parts for line in part.lines]
+    lines = lines[not lines[0].text :]
+    needs, gives = (frozenset[str]().union(*names) for names in zip(*((p.needs, p.gives) for p in parts), strict=True))
+    return Chunk(parts[0].name, needs - gives, gives, tuple(lines))
 
 
 def link(
@@ -102,7 +142,9 @@ def link(
 
     for root in roots:
         follow(root)
-    return Linked(tuple(order.values()), frozenset(givers), reasons)
+    chunks = _trimmed(order.values(), roots, variants)
+    kept = {chunk.name for chunk in chunks}
+    return Linked(chunks, frozenset(givers), {name: reason for name, reason in reasons.items() if name in kept})
 
 
 def _use_of(name: str, asking: Chunk) -> str:

@@ -44,7 +44,9 @@ def test_a_line_of_a_module_is_the_line_of_its_file() -> None:
             _, count, _, file = made_by.split()
             module = printer.__file__.removesuffix("expr/glsl.py") + file.removeprefix("raymarch/")
             with open(module, encoding="utf-8") as source:
-                assert source.read().splitlines()[int(count) - 1].replace("PIXEL", glsl.PIXEL) == line
+                written = source.read().splitlines()[int(count) - 1].replace("PIXEL", glsl.PIXEL)
+            left = iter(written.split())  # what is never read is left out
+            assert line == written or all(any(word.rstrip(",);") in of for of in left) for word in line.split())
 
 
 def test_every_line_of_the_field_has_a_place_of_the_users() -> None:

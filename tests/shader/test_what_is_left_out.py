@@ -8,7 +8,10 @@ import raymarch
 from raymarch import glsl
 from raymarch.plan import plan
 from raymarch.shader import assemble
+from raymarch.shader.chunk import Mapped
+from raymarch.shader.trim import trimmed
 from tests.support.shader_samples import PASSES, assembled, planned, scenes
+from tests.support.unread import unread
 
 
 def test_deleted_modules_that_a_scene_does_not_call_for_change_no_byte(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -74,3 +77,50 @@ def test_a_plain_scene_has_no_texture_and_no_uniform_of_an_effect() -> None:
         assert word not in text
     assert not shader.samples and len(plan(raymarch.Scene(raymarch.sphere())).passes) == 1
     assert "BsdfSample" not in text
+
+
+@pytest.mark.parametrize("passes", PASSES, ids=" and ".join)
+def test_nothing_of_a_text_is_unread(passes: tuple[str, ...]) -> None:
+    """By a reader of its own: functions, parameters, fields and variables that no pass of a scene reads."""
+    for name in scenes():
+        shader = assembled(name, passes)
+        assert set.intersection(*(set(unread(shader.text(chosen))) for chosen in shader.passes)) == set(), name
+
+
+def test_the_reader_sees_what_is_unread() -> None:
+    found = unread(
+        """
+        struct Pair { float one; float other; };
+        float idle(float x) { return x; }
+        float half_of(float x, float unused) { float y = 2.0; y = 3.0; return 0.5 * x; }
+        out vec4 color;
+        uniform float u_unread;
+        void main() { Pair p = Pair(1.0, 2.0); p.other = 3.0; color = vec4(half_of(p.one, 0.0)); }
+        """
+    )
+    assert found == [
+        "function idle is never called",
+        "field Pair.other is never read",
+        "u_unread is never read",
+        "parameter unused of half_of is never read",
+        "variable y in half_of is never read",
+    ]
+
+
+def test_what_is_given_is_left_out_only_if_it_changes_nothing() -> None:
+    """A call that counts stays, and so does the parameter that it is given to."""
+    text = """
+    int count = 0;
+    float counted(float x) { count += 1; return x; }
+    float doubled(float x) { return 2.0 * x; }
+    float first(float a, float b, float c) { return a; }
+    out vec4 color;
+    void main() {
+        float unread = doubled(1.0);
+        float kept = counted(2.0);
+        color = vec4(first(1.0, counted(2.0), doubled(3.0)), float(count), 0.0, 0.0);
+    }"""
+    left = "\n".join(line.text for line in trimmed([Mapped(line, "") for line in text.split("\n")]))
+    assert "unread" not in left and "doubled" not in left
+    assert "float kept = counted(2.0);" in left
+    assert "float first(float a, float b) {" in left and "first(1.0, counted(2.0))" in left

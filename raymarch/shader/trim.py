@@ -1,0 +1,390 @@
+"""Leave out what a linked text never reads: fields of structs, parameters of functions, and variables.
+
+Alternatives of a function share one signature, and structs hold what any effect needs, so a scene's text holds some
+that none of its functions reads. They are found from the words of the text, as a compiler finds them, and taken out
+where they are declared, given and set. What is given is taken out only if computing it changes nothing else. Names
+count, not their scopes, so a name that is read anywhere stays.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import accumulate
+
+from raymarch import glsl
+from raymarch.shader.chunk import Mapped
+
+_SETS = frozenset(("=", "+=", "-=", "*=", "/="))
+_CHANGES = _SETS | {"++", "--"}
+_INTERFACE = frozenset(("uniform", "in", "out", "layout", "precision"))
+_BEGINS = frozenset((";", "{", "}"))
+_OPEN, _CLOSE = "([{", ")]}"
+
+Span = tuple[int, int]
+"""The first word of some, and the one after the last."""
+
+
+def trimmed(lines: Sequence[Mapped], roots: frozenset[str] = frozenset({"main"})) -> list[Mapped]:
+    """The lines of a whole text, the mains of all passes among them, without what none of them reads.
+
+    roots : the functions that the driver or a host calls.
+    """
+    found = list(lines)
+    while unread := _Words([line.text for line in found], roots).unread():
+        found = _without(found, unread)
+    return found
+
+
+def _without(lines: Sequence[Mapped], spans: Sequence[Span]) -> list[Mapped]:
+    """The lines without parts of their text, each given by its places in the joined text; without emptied lines."""
+    kept, at, gone, pending = [], 0, 0, sorted(spans, reverse=True)
+    for line in lines:
+        text, end, begin = "", at + len(line.text), max(at, gone)
+        while pending and pending[-1][0] < end:
+            first, last = pending.pop()
+            text += line.text[begin - at : max(first - at, 0)]
+            begin = gone = max(begin, last)
+        text = (text + line.text[begin - at :]).rstrip() if begin > at else line.text
+        if text == line.text or text.partition("//")[0].strip():
+            kept.append(line if text == line.text else replace(line, text=text))
+        at = end + 1
+    return kept
+
+
+@dataclass(frozen=True, slots=True)
+class _Defined:
+    """A function: its parameters, each with its qualifier, name and words; and the words of its body, none for a
+    prototype."""
+
+    name: str
+    given: tuple[tuple[str, str, Span], ...]
+    body: Span
+    head: Span
+
+
+@dataclass
+class _Words:
+    """The words of a text, and what they declare."""
+
+    lines: list[str]
+    roots: frozenset[str]
+    structs: dict[str, list[tuple[str, Span]]] = field(default_factory=dict)
+    functions: list[_Defined] = field(default_factory=list)
+    globals: list[tuple[str, Span, Span]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.words: list[str] = []
+        self._firsts: list[int] = []  # words before each line
+        for line in self.lines:
+            self._firsts.append(len(self.words))
+            self.words += glsl.placed_words(line)[0]
+        self._pair()
+        self._declare()
+
+    def _pair(self) -> None:
+        """Where each bracket closes."""
+        self.closes: dict[int, int] = {}
+        opened: list[int] = []
+        for i, word in enumerate(self.words):
+            if word in _OPEN:
+                opened.append(i)
+            elif word in _CLOSE:
+                self.closes[opened.pop()] = i
+
+    def _declare(self) -> None:
+        words, at = self.words, 0
+        while at < len(words):
+            if words[at] == "struct":
+                end = self.closes[at + 2]
+                self.structs[words[at + 1]] = [
+                    (words[last - 2], (first, last)) for first, last in self._fields(at, end)
+                ]
+                at = end + 2
+                continue
+            opened = next((i for i in range(at, len(words)) if words[i] in ("(", "=", ";", "{")), len(words))
+            if opened < len(words) and words[opened] == "(" and words[at] != "layout":
+                close = self.closes[opened]
+                body = (close + 1, self.closes[close + 1] + 1) if words[close + 1] == "{" else (close + 1, close + 1)
+                given = tuple(self._parameter(span) for span in self._split(opened))
+                self.functions.append(_Defined(words[opened - 1], given, body, (at, close + 1)))
+                at = body[1] + (words[close + 1] == ";")
+                continue
+            first = at
+            while at < len(words) and words[at] != ";":
+                at = self.closes.get(at, at) + 1
+            at += 1
+            if words[first] not in _INTERFACE:
+                self.globals.append((words[opened - 1], (opened + 1, at), (first, at)))
+
+    def _fields(self, at: int, end: int) -> Iterator[Span]:
+        """The words of each field of a struct, with its semicolon."""
+        first = at + 3
+        for i in range(first, end):
+            if self.words[i] == ";":
+                yield first, i + 1
+                first = i + 1
+
+    def _split(self, opened: int) -> list[Span]:
+        """What the commas between two brackets separate."""
+        found, first, i, close = [], opened + 1, opened + 1, self.closes[opened]
+        while i < close:
+            if self.words[i] == ",":
+                found.append((first, i))
+                first = i + 1
+            i = self.closes.get(i, i) + 1
+        return [*found, (first, close)] if close > opened + 1 and self.words[opened + 1] != "void" else []
+
+    def _parameter(self, span: Span) -> tuple[str, str, Span]:
+        first, last = span
+        bracket = next((i for i in range(first, last) if self.words[i] == "["), last)
+        return self.words[first], self.words[bracket - 1], span
+
+    # What is read
+
+    @cached_property
+    def _types(self) -> frozenset[str]:
+        return glsl.LANGUAGE | self.structs.keys()
+
+    @cached_property
+    def _sites(self) -> dict[str, list[int]]:
+        """The words at which functions and structs are called or declared, by name: of the opening brackets."""
+        found: dict[str, list[int]] = defaultdict(list)
+        for i in range(1, len(self.words)):
+            if self.words[i] == "(" and self.words[i - 1].isidentifier():
+                found[self.words[i - 1]].append(i)
+        return found
+
+    def _is_pure(self, span: Span) -> bool:
+        """Whether computing an expression changes nothing else."""
+        return not any(word in _CHANGES for word in self.words[slice(*span)]) and self._called(span) <= self._pure
+
+    def _called(self, span: Span) -> set[str]:
+        """The functions of the text that some words call."""
+        words = self.words
+        called = {words[i - 1] for i in range(span[0] + 1, span[1]) if words[i] == "(" and words[i - 1].isidentifier()}
+        return called - self._types
+
+    @cached_property
+    def _pure(self) -> set[str]:
+        """The functions that change nothing but their own variables, and call only such."""
+        impure = {each.name for each in self.functions if not self._changes_only_its_own(each)}
+        calls = [(each.name, self._called(each.body)) for each in self.functions]
+        pure = {each.name for each in self.functions} - impure
+        while more := {name for name, called in calls if name in pure and not called <= pure}:
+            pure -= more
+        return pure
+
+    def _changes_only_its_own(self, function: _Defined) -> bool:
+        words, own = self.words, {name for _, name, _ in function.given}
+        if function.body[0] == function.body[1] or any(word in ("out", "inout") for word, *_ in function.given):
+            return False
+        for i in range(function.body[0] + 1, function.body[1] - 1):
+            declared = words[i + 1] in ("=", ";", "[", ",") and glsl.is_type(words[i - 1])
+            if words[i].isidentifier() and (declared or (words[i - 1] == "," and words[i + 1] == "=")):
+                own.add(words[i])
+        for i in range(*function.body):
+            if words[i] in _CHANGES:
+                first = i - 1
+                while words[first] in _CLOSE or words[first - 1] == "." or words[first] == ".":
+                    first = self._opens[first] - 1 if words[first] in _CLOSE else first - 1
+                if words[first] not in own and not (words[i] in ("++", "--") and words[i + 1] in own):
+                    return False
+        return True
+
+    @cached_property
+    def _opens(self) -> dict[int, int]:
+        return {close: opened for opened, close in self.closes.items()}
+
+    def unread(self) -> list[Span]:
+        """The places in the text of what is never read, to be taken out at once."""
+        parts = (self._fields_unread(), self._parameters(), self._variables())
+        return [*(self._place(span) for spans in parts for span in spans), *self._uncalled()]
+
+    def _place(self, span: Span) -> Span:
+        """The place of words in the joined text, with the space behind them."""
+        (_, begin), (line, last) = self._at(span[0]), self._at(span[1] - 1)
+        last += len(self.words[span[1] - 1])
+        rest = self.lines[line][last - self._starts[line] :]
+        return begin, last + len(rest) - len(rest.lstrip(" "))
+
+    def _at(self, word: int) -> tuple[int, int]:
+        """The line of a word, and its place in the joined text."""
+        line = bisect_right(self._firsts, word) - 1
+        return line, self._starts[line] + glsl.placed_words(self.lines[line])[1][word - self._firsts[line]]
+
+    @cached_property
+    def _starts(self) -> list[int]:
+        """The place of each line in the joined text."""
+        return [0, *accumulate(len(line) + 1 for line in self.lines)]
+
+    def _uncalled(self) -> Iterator[Span]:
+        """The places of functions that nothing calls, and of structs that nothing names, with the comments above."""
+        dead = [(f.head[0], f.body[1]) for f in self.functions if f.name not in self.roots and self._uses[f.name] == 1]
+        for struct, fields in self.structs.items():
+            if self._uses[struct] == 1:
+                dead.append((fields[0][1][0] - 3, fields[-1][1][1] + 2))
+        for first, last in dead:
+            line, _ = self._at(first)
+            while line > 0 and self.lines[line - 1].startswith("//"):
+                line -= 1
+            yield self._starts[line], self._place((last - 1, last))[1]
+
+    @cached_property
+    def _uses(self) -> Counter[str]:
+        return Counter(self.words)
+
+    def _statement(self, at: int) -> Span | None:
+        """The statement that sets what ends at a word, if it is one by itself and does nothing else."""
+        first = at
+        while self.words[first - 1] == "." or (self.words[first] == "." and self.words[first - 1].isidentifier()):
+            first -= 1
+        end = at + 1
+        while self.words[end] != ";":
+            end = self.closes.get(end, end) + 1
+        whole = self.words[first - 1] in _BEGINS and self._is_pure((at + 2, end))
+        return (first, end + 1) if whole else None
+
+    def _fields_unread(self) -> Iterator[Span]:
+        dead: dict[tuple[str, str], list[Span]] = {}
+        for of, places in self._uses_of_fields().items():
+            if all(self.words[i + 1] in _SETS for i in places):
+                statements = [span for i in places if (span := self._statement(i)) is not None]
+                if len(statements) == len(places):
+                    dead[of] = statements
+        for struct, fields in self.structs.items():
+            calls = [self._split(site) for site in self._sites[struct]]
+            chosen = {i for i, (name, _) in enumerate(fields) if (struct, name) in dead}
+            chosen = {i for i in chosen if all(self._is_pure(call[i]) for call in calls)}
+            if len(chosen) == len(fields):
+                continue
+            for i in chosen:
+                yield fields[i][1]
+                yield from dead[struct, fields[i][0]]
+            for call in calls:
+                yield from _left_out(call, chosen)
+
+    def _uses_of_fields(self) -> dict[tuple[str, str], list[int]]:
+        """The words that name each field of each struct behind a dot, also where another type may have it."""
+        words = self.words
+        owners: dict[str, list[str]] = defaultdict(list)
+        for struct, fields in self.structs.items():
+            for name, _ in fields:
+                owners[name].append(struct)
+        uses: dict[tuple[str, str], list[int]] = {(of, name): [] for name, those in owners.items() for of in those}
+        for first, last, types in [*self._bodies(), *self._between()]:
+            for i in range(first + 1, last):
+                if words[i - 1] == "." and words[i] in owners:
+                    of = types.get(words[i - 2]) if words[i - 3] != "." else None
+                    for struct in owners[words[i]] if of is None else (of,):
+                        if (struct, words[i]) in uses:
+                            uses[struct, words[i]].append(i)
+        return uses
+
+    def _bodies(self) -> Iterator[tuple[int, int, dict[str, str | None]]]:
+        """The words of each function's body, and the struct of each of its variables, None for several types."""
+        words = self.words
+        for function in self.functions:
+            types: dict[str, str | None] = {}
+            named = [(words[last - 2], name) for _, name, (_, last) in function.given if words[last - 1] == name]
+            for i in range(function.body[0] + 1, function.body[1] - 1):
+                if words[i + 1] in ("=", ";", "[", ",") and words[i].isidentifier() and glsl.is_type(words[i - 1]):
+                    named.append((words[i - 1], words[i]))
+            for type, name in named:
+                types[name] = type if types.get(name, type) == type else None
+            yield *function.body, {name: type if type in self.structs else None for name, type in types.items()}
+
+    def _between(self) -> Iterator[tuple[int, int, dict[str, str | None]]]:
+        """The words outside of functions."""
+        at = 0
+        for function in self.functions:
+            yield at, function.body[0], {}
+            at = function.body[1]
+        yield at, len(self.words), {}
+
+    def _parameters(self) -> Iterator[Span]:
+        by_name: dict[str, list[_Defined]] = defaultdict(list)
+        for each in self.functions:
+            by_name[each.name].append(each)
+        for name, definitions in by_name.items():
+            if name in self.roots:
+                continue
+            heads = {each.head[1] for each in definitions}
+            calls = [self._split(i) for i in self._sites[name] if self.closes[i] + 1 not in heads]
+            given = [[span for *_, span in each.given] for each in definitions]
+            if len({len(spans) for spans in (*given, *calls)}) != 1:
+                continue
+            chosen = {
+                i
+                for i in range(len(given[0]))
+                if all(self._unused(each, i) for each in definitions) and all(self._is_pure(c[i]) for c in calls)
+            }
+            for spans in (*given, *calls):
+                yield from _left_out(spans, chosen)
+
+    def _unused(self, function: _Defined, index: int) -> bool:
+        qualifier, name, _ = function.given[index]
+        return qualifier not in ("out", "inout") and name not in self._of_body(function)
+
+    def _of_body(self, function: _Defined) -> Counter[str]:
+        found = self._counted.get(function.body)
+        if found is None:
+            found = self._counted[function.body] = Counter(self.words[slice(*function.body)])
+        return found
+
+    @cached_property
+    def _counted(self) -> dict[Span, Counter[str]]:
+        return {}
+
+    def _variables(self) -> Iterator[Span]:
+        """The statements that declare and set variables that are not read."""
+        words = self.words
+        yield from (span for name, value, span in self.globals if self._uses[name] == 1 and self._is_pure(value))
+        for function in self.functions:
+            first, last = function.body
+            declared = [
+                i
+                for i in range(first + 2, last - 1)
+                if words[i + 1] in ("=", ";")
+                and words[i - 2] in _BEGINS
+                and words[i].isidentifier()
+                and glsl.is_type(words[i - 1])
+            ]
+            for name in {words[i] for i in declared}:
+                if self._of_body(function)[name] > 4:
+                    continue  # it is read; names of few uses are looked at
+                yield from self._unread_variable(name, function.body, declared)
+
+    def _unread_variable(self, name: str, body: Span, declared: Sequence[int]) -> list[Span]:
+        found: list[Span] = []
+        i = body[0]
+        for _ in range(self._counted[body][name]):
+            i = self.words.index(name, i + 1)
+            if self.words[i - 1] == ".":
+                continue
+            end = i
+            while self.words[end] != ";":
+                end = self.closes.get(end, end) + 1
+            if i in declared and self._is_pure((i + 2, end)):
+                found.append((i - 1, end + 1))
+                continue
+            statement = self._statement(i) if self.words[i + 1] in _SETS else None
+            if statement is None:
+                return []
+            found.append(statement)
+        return found
+
+
+def _left_out(spans: Sequence[Span], chosen: set[int]) -> Iterator[Span]:
+    """Some of the parts between commas, each with one comma."""
+    kept = False
+    for i, (first, last) in enumerate(spans):
+        if i > 0 and not (kept and i not in chosen):
+            yield first - 1, first
+        if i in chosen:
+            yield first, last
+        else:
+            kept = True
