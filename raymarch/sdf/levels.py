@@ -140,7 +140,8 @@ def to_surface(field: Function, points: Array, steps: int = 12) -> tuple[Array, 
     for _ in range(steps):
         value, gradient = evaluate_both(field, points)
         square = np.maximum((gradient * gradient).sum(axis=1), 1e-12)
-        points = points - gradient * (value / square)[:, None]
+        with np.errstate(all="ignore"):  # of a field that is undefined at some points
+            points = points - gradient * (value / square)[:, None]
     return points, gradient / np.sqrt(square)[:, None]
 
 
