@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.export.dual import contour
-from raymarch.export.thin import missed, watched
+from raymarch.export.thin import left_out, watched
 from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.raw import without_twin
 from raymarch.scene.parameter import Values
@@ -148,7 +148,7 @@ def surface_of(
     mesh = contour(sampled, tangents, nearby)
     vertices, faces = first + cell * mesh.vertices, mesh.faces
     certain = scene.node.exactness != "estimate"
-    thin = first + cell * missed(near, mesh.vertices, nearby) if certain else np.empty((0, 3))
+    thin = first + cell * left_out(near, mesh.vertices, nearby) if certain else np.empty((0, 3))
     if not len(faces):
         return Surface(vertices, vertices, faces, vertices, cell, 0, len(blocks), np.inf, thin)
     count = int(np.prod(-(-shape // BLOCK)))

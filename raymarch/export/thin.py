@@ -50,7 +50,7 @@ def watched(blocks: Blocks, lipschitz: float, found: list[Array]) -> Iterator[tu
         yield first, values
 
 
-def missed(points: list[Array], vertices: Array, linear: Linear) -> NDArray[np.float64]:
+def left_out(points: list[Array], vertices: Array, linear: Linear) -> NDArray[np.float64]:
     """Points of the surface (N, 3) that are at least a cell away from the mesh; all in cells.
 
     points : from `watched`. vertices : of the mesh.
