@@ -29,6 +29,7 @@ from raymarch.scene.quality import Quality
 from raymarch.scene.sky import Sky
 from raymarch.scene.tone import ToneMapping
 from raymarch.scene.value import Value, value
+from raymarch.sdf.definition import PLACED
 from raymarch.sdf.domain import ColorLike
 from raymarch.sdf.facts import Facts, around
 from raymarch.sdf.labels import rows_of, seen_labels
@@ -420,8 +421,19 @@ def _framed(root: Node) -> Framed:
     return frame_of(root, [node for node in _operands(root) if node.facts.bounded and not node.facts.empty])
 
 
+def _bounded(root: Node) -> Iterator[Node]:
+    """The largest bounded parts that hold something, also of a union with an unbounded part that was moved as a whole:
+    each is then moved alone."""
+    for node in _operands(root):
+        if node.facts.bounded:
+            if not node.facts.empty:
+                yield node
+        elif node.placed_as in PLACED and len(node.children) == 1:
+            yield from (Node(node.definition, (part,), node.params) for part in _bounded(node.children[0]))
+
+
 @remembered
 def _bounded_part(root: Node) -> Facts | None:
     """The box around the largest bounded parts; None if there are none."""
-    boxes = [node.facts for node in _operands(root) if node.facts.bounded and not node.facts.empty]
+    boxes = [node.facts for node in _bounded(root)]
     return around(boxes) if boxes else None

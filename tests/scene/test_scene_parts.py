@@ -389,3 +389,23 @@ def test_what_transmits_is_smooth_unless_a_roughness_is_given() -> None:
     assert roughness(rm.Material(albedo=(1, 0, 0)).replace(transmission=1)) == 0.0
     assert roughness(rm.Material(transmission=1).replace(transmission=0)) == 0.5
     assert roughness(rm.Material(roughness=0.7).replace(transmission=1)) == 0.7
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("place", ["scale", "turn", "material", "move", "matrix", "twice"])
+def test_the_size_of_a_scene_is_that_of_its_parts_when_all_is_placed_with_the_floor(size: float, place: str) -> None:
+    """The default reach of ambient occlusion was 0.5 at any size, if the floor was moved together with the solids."""
+    both = (rm.sphere(1) | rm.plane(offset=-1)).scale(size)
+    placed = {
+        "scale": both,
+        "turn": both.rotate(0.3, "x"),
+        "material": both.material(rm.Material(color="red")),
+        "move": both.translate((3, 4, 5)),
+        "matrix": both.transform(np.diag([-1.0, 1.0, 1.0, 1.0])),
+        "twice": rm.union(both.rotate(1, "z"), rm.plane((1, 0, 0), offset=-9 * size)).rotate(1, "y"),
+    }
+    scene = rm.Scene(placed[place], sky=rm.Sky("white", light=True), occlusion=rm.AmbientOcclusion())
+    assert scene.subject is not None
+    np.testing.assert_allclose(scene.subject.size, 2 * size, rtol=1e-5)
+    assert scene.ambient_occlusion is not None and scene.ambient_occlusion.reach is not None
+    assert float(str(scene.ambient_occlusion.reach).strip("float()")) == pytest.approx(0.5 * size, rel=1e-5)
