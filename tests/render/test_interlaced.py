@@ -149,6 +149,7 @@ def test_a_picture_that_fits_is_drawn_at_once(renderer: Renderer, drawn: list[An
         ({"lights_per_pass": "auto"}, {}),
         ({"schedule": "cones"}, {}),
         ({"tracer": "relaxed", "max_steps": 100}, {}),
+        ({"max_steps": 20}, {}),
         ({}, {"post": [rm.Bloom()]}),
         ({}, {"sky": rm.Sky((0.2, 0.3, 0.4), light=True), "occlusion": rm.AmbientOcclusion()}),
         ({}, {"camera": rm.Camera((0, 1, 3), (0, 0, 0), projection="orthographic", height=3)}),
@@ -164,6 +165,14 @@ def test_the_picture_is_that_without_a_budget(
     frames = frames_of(renderer, given)
     assert len(frames) > 2
     np.testing.assert_allclose(frames[-1].color, whole, atol=2e-6)
+
+
+def test_grids_of_one_row_are_shown_too(egl: Context, drawn: list[Any]) -> None:
+    for size in ((16, 9), (5, 3), (1, 1)):
+        with Renderer(size, context=egl) as small:
+            whole = small.render(scene()).color
+            small.forget()
+            np.testing.assert_allclose(frames_of(small, scene(), 0.3)[-1].color, whole, atol=2e-6)
 
 
 def test_other_arrays_beside_the_picture_and_after_it(renderer: Renderer, drawn: list[Any]) -> None:
