@@ -11,11 +11,13 @@ import numpy as np
 import raymarch as rm
 from raymarch.proof import search
 from raymarch.proof.search import CONTRADICTED
-from raymarch.scene.quality import CONTACT
 from raymarch.sdf.levels import flatness
 
 TOLERANCE = "0.1px"
 """Of the promise about what a ray may pass, in docs/marching.md."""
+
+FLAT = 2.0
+"""Flatness from which a field may have a valley off its surface that is lower than a contact."""
 
 EFFORT = 500
 """Evaluations for a ray, a tenth of the usual: pixels that stay open are no fault here."""
@@ -35,7 +37,7 @@ def contradicted(
         found = rm.prove(scene, frame, tolerance=TOLERANCE, params=params, time=time, shadows=shadows)
     said = []
     wrong = found.state == CONTRADICTED
-    if flatness(scene.node) > 1.0 / CONTACT:
+    if flatness(scene.node) > FLAT:
         wrong &= found.high < found.depth - found.within
     if wrong.any():
         rows, columns = np.nonzero(wrong)
