@@ -423,13 +423,14 @@ def _framed(root: Node) -> Framed:
 
 def _bounded(root: Node) -> Iterator[Node]:
     """The largest bounded parts that hold something, also of a union with an unbounded part that was moved as a whole:
-    each is then moved alone."""
+    each is then moved alone. What moves without bounds is none."""
     for node in _operands(root):
         if node.facts.bounded:
             if not node.facts.empty:
                 yield node
         elif node.placed_as in PLACED and len(node.children) == 1:
-            yield from (Node(node.definition, (part,), node.params) for part in _bounded(node.children[0]))
+            moved = (Node(node.definition, (part,), node.params) for part in _bounded(node.children[0]))
+            yield from (part for part in moved if part.facts.bounded)
 
 
 @remembered

@@ -409,3 +409,11 @@ def test_the_size_of_a_scene_is_that_of_its_parts_when_all_is_placed_with_the_fl
     np.testing.assert_allclose(scene.subject.size, 2 * size, rtol=1e-5)
     assert scene.ambient_occlusion is not None and scene.ambient_occlusion.reach is not None
     assert float(str(scene.ambient_occlusion.reach).strip("float()")) == pytest.approx(0.5 * size, rel=1e-5)
+
+
+def test_a_part_that_moves_without_bounds_is_no_size_of_a_scene() -> None:
+    moving = rm.sphere(1).translate((rm.time, 0, 0))
+    assert rm.Scene(moving).subject is None and rm.Scene((moving | rm.plane()).scale(2)).subject is None
+    still = rm.Scene(((moving | rm.plane()).scale(2)) | rm.box(4)).subject
+    assert still is not None
+    np.testing.assert_allclose(still.size, 4)
