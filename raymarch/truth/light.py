@@ -218,19 +218,43 @@ def soft_visibility(
     for clear, place in zip(around, _HEXAGON, strict=True):
         aside = _beside_axis(rays.directions[rows], place * width[rows, None])
         clear[:] = _free(cones.clearance(rows, aside, start, stop, width[rows], False)[0])
+    fitted, few = _by_seven(middle, edge, around)
+    seen = np.zeros(len(rows))
+    k = np.flatnonzero(few > 0.0)
+    for place in _SPIRAL:
+        aside = _beside_axis(rays.directions[rows[k]], place * width[rows[k], None])
+        found = cones.clearance(rows[k], aside, start[k], stop[k], 0.15 * width[rows[k]], False)[0]
+        seen[k] += np.maximum(2.0 * _beside_edge(found) - 1.0, 0.0)
+    seen /= 24.0
+    visible[rows] = (1.0 - few) * fitted + few * 1.35 * seen / (1.0 + 0.35 * seen)
+    return visible
+
+
+def _by_seven(middle: Array, edge: Array, around: Array) -> tuple[Array, Array]:
+    """What seven rays tell of the visible fraction, and how far they are too few, from 0 to 1."""
     rise = around.T @ _HEXAGON
     sided = np.linalg.norm(rise, axis=1)
     rise /= np.maximum(sided, 1e-6)[:, None]
-    counted, expected = _counted(_free(middle), around), _counted(_free(middle), _free(middle + _HEXAGON @ rise.T))
+    beside, sum_ = _free(np.minimum(middle + _HEXAGON @ rise.T, 1.0)), around.sum(axis=0)
+    counted, expected = _counted(_free(middle), around), _counted(_free(middle), beside)
     expected = np.clip(expected, 0.01, 0.99)
     odds = np.log(np.clip(edge * (1.0 - expected) / (expected * (1.0 - edge)), 0.3, 6.0))
     centred = 1.15 + 0.6 * np.sum(around[:3] * around[3:], axis=0)
-    odds = np.exp(centred + _smooth(sided / (0.1 + 0.8 * around.sum(axis=0))) * (odds - centred))
+    odds = np.exp(centred + _smooth(sided / (0.1 + 0.8 * sum_)) * (odds - centred))
     counted = odds * counted / (1.0 + (odds - 1.0) * counted)
     counted = np.where(middle > 0.0, np.maximum(counted, 2.0 * edge - 1.0), counted)
     share = _smooth((np.abs(middle) - 0.5) / 0.4)
-    visible[rows] = (1.0 - share) * counted + share * edge
-    return visible
+    few = _few(middle, np.abs(around - beside).sum(axis=0), sum_, sided)
+    return (1.0 - share) * counted + share * edge, few
+
+
+def _few(middle: Array, off: Array, total: Array, sided: Array) -> Array:
+    """How far seven rays are too few, from 0 to 1, as the shader's `few_of_seven`."""
+    both = 1.0 - _smooth((sided / np.maximum(0.92 * total, 0.02) - 0.55) / 0.3)
+    rod = both * (1.0 - _smooth((middle + 0.5) / 0.5))
+    gap = _smooth((off - 0.3) / 0.6) * (1.0 - _smooth(total - 1.5)) * (1.0 - rod)
+    hidden = (1.0 - _smooth(total / 0.1)) * (1.0 - _smooth((np.abs(middle) - 0.3) / 0.4))
+    return np.asarray(np.maximum(gap, hidden) * (1.0 - _smooth((np.abs(middle) - 0.8) / 0.15)))
 
 
 def _smooth(x: Array) -> Array:
@@ -239,7 +263,13 @@ def _smooth(x: Array) -> Array:
     return np.asarray(x * x * (3.0 - 2.0 * x))
 
 
-_HEXAGON = 0.92 * np.stack([np.cos(np.arange(1, 7) * math.pi / 3.0), np.sin(np.arange(1, 7) * math.pi / 3.0)], axis=1)
+def _around(radius: Array, angle: Array) -> Array:
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+
+
+_PLACES = np.linspace(0.3, 23.3, 24)
+_HEXAGON = _around(np.full(6, 0.92), np.linspace(1.0, 6.0, 6) * math.pi / 3.0)
+_SPIRAL = _around(0.95 * np.sqrt(_PLACES / 24.0), 2.399963 * _PLACES)
 
 
 def _triangulated(

@@ -215,6 +215,25 @@ def test_a_plate_that_is_thin_and_wide_leaves_nothing(egl: Context, thickness: f
     np.testing.assert_allclose(shadows(egl, "light/two_sided", gap, UP)[0], wanted, atol=0.05)
 
 
+@pytest.mark.parametrize(
+    ("opening", "wanted", "slack"),
+    [
+        ("length(p.xy) - 0.1", 0.25, 0.04),  # a round hole of half of the disc's radius, in the middle
+        ("length(p.xy - vec2(0.08, 0.0)) - 0.06", 0.09, 0.04),  # and a smaller one aside
+        ("abs(p.x - 0.08) - 0.06", 0.3486, 0.06),  # a slot beside the middle, from 0.1 to 0.7 of the radius
+        ("abs(p.x) - 0.04", 0.2529, 0.04),  # and in the middle
+        ("abs(mod(p.x, 0.1) - 0.05) - 0.03", 0.6, 0.18),  # slats: too narrow for a ray of 24 to count in full
+    ],
+)
+def test_holes_and_slots_in_a_thin_plate_leave_their_part_of_the_disc(
+    egl: Context, opening: str, wanted: float, slack: float
+) -> None:
+    """Seven rays leave them alike, so more are asked."""
+    plate = f"min(p.z, max(abs(p.z - 2.0) - 0.001, -({opening})))"
+    seen, _ = shadows(egl, "light/two_sided", plate, UP, width=0.1)
+    np.testing.assert_allclose(seen, wanted, atol=slack)
+
+
 def test_a_ray_along_an_edge_comes_to_what_is_beyond(egl: Context) -> None:
     """The field is 0 all along the edge; steps of its value would stay there."""
     seen, _ = shadows(egl, "light/two_sided", "min(p.x, 1.0 - p.z)", UP, far=16.0, width=0.8)

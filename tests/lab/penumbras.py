@@ -166,6 +166,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--pairs", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--methods", nargs="+", choices=METHODS, default=METHODS)
     given = parser.parse_args(arguments)
     rng = np.random.default_rng(given.seed)
     errors: dict[tuple[str, str], list[Array]] = defaultdict(list)
@@ -177,7 +178,7 @@ def main(arguments: list[str] | None = None) -> int:
             free = renderer.render(pair.scene("cone", shadow=False)).color[..., 0]
             part = (wanted > 0.0) & (wanted < 1.0)
             lit, judged = wanted == 1.0, part | (np.roll(part, 3, 0) | np.roll(part, -3, 0))
-            for method in METHODS:
+            for method in given.methods:
                 scene = pair.scene(method)
                 share = renderer.render(scene).color[..., 0] / free
                 errors[method, pair.kind].append((share - wanted)[judged])
@@ -188,7 +189,7 @@ def main(arguments: list[str] | None = None) -> int:
                 )
     print(f"{given.pairs} pairs; error of the visible part of the disc: mean, 99 %, worst, the part above .05")
     print("    of each kind: mean, worst, the part above .05")
-    for method in METHODS:
+    for method in given.methods:
         every = np.abs(np.concatenate([e for kind in KINDS for e in errors[method, kind]]))
         kinds = [np.abs(np.concatenate(errors[method, kind])) for kind in KINDS if errors[method, kind]]
         cost = np.mean(costs[method], axis=0)
