@@ -40,14 +40,22 @@ def watched(blocks: Blocks, lipschitz: float, found: list[Array]) -> Iterator[tu
         near = np.abs(values) <= REACH * lipschitz
         if near.any():
             inside = values < 0.0
-            padded = np.pad(inside, 1, mode="edge")
-            for shift in NEIGHBOURS:
-                part = padded[tuple(slice(1 + s, 1 + s + n) for s, n in zip(shift, values.shape, strict=True))]
-                near &= part == inside
+            near &= ~_beside(inside) | ~_beside(~inside)
             at = np.argwhere(near)
             if len(at):
                 found.append(np.column_stack([first + at, values[near]]))
         yield first, values
+
+
+def _beside(marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The points that are marked, or have a marked one among the 26 around them."""
+    found = marked.copy()
+    for axis in range(3):
+        before = np.moveaxis(found.copy(), axis, 0)
+        to = np.moveaxis(found, axis, 0)
+        to[1:] |= before[:-1]
+        to[:-1] |= before[1:]
+    return found
 
 
 def left_out(points: list[Array], vertices: Array, linear: Linear) -> NDArray[np.float64]:
