@@ -8,12 +8,10 @@ count, not their scopes, so a name that is read anywhere stays.
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from itertools import accumulate
+from functools import cached_property, lru_cache
 
 from raymarch import glsl
 from raymarch.shader.chunk import Mapped
@@ -33,26 +31,49 @@ def trimmed(lines: Sequence[Mapped], roots: frozenset[str] = frozenset({"main"})
 
     roots : the functions that the driver or a host calls.
     """
-    found = list(lines)
-    while unread := _Words([line.text for line in found], roots).unread():
-        found = _without(found, unread)
-    return found
-
-
-def _without(lines: Sequence[Mapped], spans: Sequence[Span]) -> list[Mapped]:
-    """The lines without parts of their text, each given by its places in the joined text; without emptied lines."""
-    kept, at, gone, pending = [], 0, 0, sorted(spans, reverse=True)
-    for line in lines:
-        text, end, begin = "", at + len(line.text), max(at, gone)
-        while pending and pending[-1][0] < end:
-            first, last = pending.pop()
-            text += line.text[begin - at : max(first - at, 0)]
-            begin = gone = max(begin, last)
-        text = (text + line.text[begin - at :]).rstrip() if begin > at else line.text
-        if text == line.text or text.partition("//")[0].strip():
+    gone = _unread(tuple([_shape(line.text) for line in lines]), roots)
+    kept: list[Mapped] = []
+    for line, left_out in zip(lines, gone, strict=True):
+        text = _without(line.text, left_out) if left_out else line.text
+        if glsl.placed_words(text)[0] or not left_out:
             kept.append(line if text == line.text else replace(line, text=text))
-        at = end + 1
+            continue
+        while kept and kept[-1].text.startswith("//"):  # a comment on what is gone
+            kept.pop()
     return kept
+
+
+@lru_cache(8192)
+def _shape(line: str) -> tuple[str, ...]:
+    """The words of a line, with one number for all numbers."""
+    words, _ = glsl.placed_words(line)
+    return tuple(["0" if word.lstrip(".")[:1].isdigit() else word for word in words])
+
+
+@lru_cache(16)
+def _unread(lines: tuple[tuple[str, ...], ...], roots: frozenset[str]) -> tuple[frozenset[int], ...]:
+    """Which words of each line of a text are never read."""
+    words = [word for line in lines for word in line]
+    left = list(range(len(words)))
+    while spans := _Words([words[i] for i in left], roots).unread():
+        out = {i for span in spans for i in range(*span)}
+        left = [word for i, word in enumerate(left) if i not in out]
+    kept, begin, found = set(left), 0, []
+    for line in lines:
+        found.append(frozenset(i for i in range(len(line)) if begin + i not in kept))
+        begin += len(line)
+    return tuple(found)
+
+
+def _without(line: str, left_out: frozenset[int]) -> str:
+    """A line without some of its words and the space behind them."""
+    words, places = glsl.placed_words(line)
+    text, at = "", 0
+    for i in sorted(left_out):
+        text += line[at : places[i]]
+        at = max(at, places[i] + len(words[i]))
+        at += len(line[at:]) - len(line[at:].lstrip(" "))
+    return (text + line[at:]).rstrip()
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,20 +89,15 @@ class _Defined:
 
 @dataclass
 class _Words:
-    """The words of a text, and what they declare."""
+    """The words of a text without those that are left out, and what they declare."""
 
-    lines: list[str]
+    words: list[str]
     roots: frozenset[str]
     structs: dict[str, list[tuple[str, Span]]] = field(default_factory=dict)
     functions: list[_Defined] = field(default_factory=list)
     globals: list[tuple[str, Span, Span]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.words: list[str] = []
-        self._firsts: list[int] = []  # words before each line
-        for line in self.lines:
-            self._firsts.append(len(self.words))
-            self.words += glsl.placed_words(line)[0]
         self._pair()
         self._declare()
 
@@ -200,38 +216,18 @@ class _Words:
         return {close: opened for opened, close in self.closes.items()}
 
     def unread(self) -> list[Span]:
-        """The places in the text of what is never read, to be taken out at once."""
-        parts = (self._fields_unread(), self._parameters(), self._variables())
-        return [*(self._place(span) for spans in parts for span in spans), *self._uncalled()]
-
-    def _place(self, span: Span) -> Span:
-        """The place of words in the joined text, with the space behind them."""
-        (_, begin), (line, last) = self._at(span[0]), self._at(span[1] - 1)
-        last += len(self.words[span[1] - 1])
-        rest = self.lines[line][last - self._starts[line] :]
-        return begin, last + len(rest) - len(rest.lstrip(" "))
-
-    def _at(self, word: int) -> tuple[int, int]:
-        """The line of a word, and its place in the joined text."""
-        line = bisect_right(self._firsts, word) - 1
-        return line, self._starts[line] + glsl.placed_words(self.lines[line])[1][word - self._firsts[line]]
-
-    @cached_property
-    def _starts(self) -> list[int]:
-        """The place of each line in the joined text."""
-        return [0, *accumulate(len(line) + 1 for line in self.lines)]
+        """What is never read, to be taken out at once."""
+        parts = (self._fields_unread(), self._parameters(), self._variables(), self._uncalled())
+        return [span for spans in parts for span in spans]
 
     def _uncalled(self) -> Iterator[Span]:
-        """The places of functions that nothing calls, and of structs that nothing names, with the comments above."""
-        dead = [(f.head[0], f.body[1]) for f in self.functions if f.name not in self.roots and self._uses[f.name] == 1]
+        """The functions that nothing calls, and the structs that nothing names."""
+        for function in self.functions:
+            if function.name not in self.roots and self._uses[function.name] == 1:
+                yield function.head[0], function.body[1]
         for struct, fields in self.structs.items():
             if self._uses[struct] == 1:
-                dead.append((fields[0][1][0] - 3, fields[-1][1][1] + 2))
-        for first, last in dead:
-            line, _ = self._at(first)
-            while line > 0 and self.lines[line - 1].startswith("//"):
-                line -= 1
-            yield self._starts[line], self._place((last - 1, last))[1]
+                yield fields[0][1][0] - 3, fields[-1][1][1] + 2
 
     @cached_property
     def _uses(self) -> Counter[str]:
