@@ -252,8 +252,8 @@ def _few(middle: Array, off: Array, total: Array, sided: Array) -> Array:
     """How far seven rays are too few, from 0 to 1, as the shader's `few_of_seven`."""
     both = 1.0 - _smooth((sided / np.maximum(0.92 * total, 0.02) - 0.55) / 0.3)
     rod = both * (1.0 - _smooth((middle + 0.5) / 0.5))
-    gap = _smooth((off - 0.3) / 0.6) * (1.0 - _smooth(total - 1.5)) * (1.0 - rod)
-    hidden = (1.0 - _smooth(total / 0.1)) * (1.0 - _smooth((np.abs(middle) - 0.3) / 0.4))
+    gap = _smooth((off - 0.8) / 0.8) * (1.0 - _smooth(total - 1.5)) * (1.0 - rod)
+    hidden = (1.0 - _smooth(total / 0.1)) * (1.0 - _smooth((np.abs(middle) - 0.05) / 0.15))
     return np.asarray(np.maximum(gap, hidden) * (1.0 - _smooth((np.abs(middle) - 0.8) / 0.15)))
 
 

@@ -26,7 +26,7 @@ float seen_of_disc(float clear) {
 float few_of_seven(float middle, float off, float sum, float sided) {
     float both = 1.0 - smoothstep(0.55, 0.85, sided / max(0.92 * sum, 0.02));
     float rod = both * (1.0 - smoothstep(-0.5, 0.0, middle));
-    float gap = smoothstep(0.3, 0.9, off) * (1.0 - smoothstep(1.5, 2.5, sum)) * (1.0 - rod);
-    float hidden = (1.0 - smoothstep(0.0, 0.1, sum)) * (1.0 - smoothstep(0.3, 0.7, abs(middle)));
+    float gap = smoothstep(0.8, 1.6, off) * (1.0 - smoothstep(1.5, 2.5, sum)) * (1.0 - rod);
+    float hidden = (1.0 - smoothstep(0.0, 0.1, sum)) * (1.0 - smoothstep(0.05, 0.2, abs(middle)));
     return max(gap, hidden) * (1.0 - smoothstep(0.8, 0.95, abs(middle)));
 }
