@@ -53,7 +53,7 @@ def narrow(scene: Scene) -> list[Doubt]:
     for light in lights:
         gaps, rods = width.beside_disc(light)
         for count, what, error in (
-            (gaps, "gaps between solids that are", "up to 0.15, and more behind fine slats"),
+            (gaps, "gaps between solids that are", "up to 0.23, and more behind fine slats"),
             (rods, "rods and edges of plates that are", "up to 0.14"),
         ):
             if count >= ENOUGH:
