@@ -196,6 +196,9 @@ def wanted(given: list[str]) -> list[Fault]:
 
 
 def main(given: list[str]) -> int:
+    if "--help" in given or "-h" in given:
+        print(__doc__)
+        return 0
     uses = Path(given.pop(given.index("--uses") + 1)) if "--uses" in given else None
     functions_alone, faults, present = "--functions" in given, wanted(given), every([])
 
