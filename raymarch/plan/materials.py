@@ -19,7 +19,7 @@ from raymarch.plan.bounding import BoundedUnion
 from raymarch.plan.hoisting import Hoisting
 from raymarch.plan.mixing import Palette, RowMaterial, blended, chosen_by, largest, read_where
 from raymarch.plan.objects import Many, ObjectsInCells
-from raymarch.plan.shading import mapped, needs_surface, patterned
+from raymarch.plan.shading import has_relief, mapped, needs_surface, patterned
 from raymarch.scene.bsdf import BSDF, Phong
 from raymarch.scene.fields import FIELDS, GLASS, PHYSICAL, RELIEF
 from raymarch.scene.material import Material
@@ -83,7 +83,7 @@ def materials_of(
             made["material"] = parts.with_gradient("part_at", wanted, field, patterned(scene))
         else:
             made["material"] = parts.function("material_at", wanted, extra)
-    if reflects and mapped(scene):
+    if reflects and has_relief(scene):
         made["relief"] = parts.function("relief_at", _fields("Relief", RELIEF), extra)
     if glass:
         made["glass"] = parts.function("glass_at", _fields("Glass", GLASS), extra)

@@ -114,6 +114,7 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
             "LIT": self.lights_split,
             "NOTED": any(p.notes for p in self.passes),
             "PUBLISHED": self.published,
+            "RELIEF": self.relief is not None,
             "RISING": self.scene.quality.rising_steps > self.marching.steps and not self.marching.resumed,
             "SAMPLES": self.scene.quality.samples > 1,
             "SHOWS": bool(lights.visible(self.scene)),

@@ -43,6 +43,11 @@ def mapped(scene: Scene) -> bool:
     return any(m.textured or m.relief for m in scene.materials)
 
 
+def has_relief(scene: Scene) -> bool:
+    """True if a material perturbs normals or dims ambient light."""
+    return any(m.relief for m in scene.materials)
+
+
 def patterned(scene: Scene) -> bool:
     """True if a material depends on the point. Materials are then evaluated just inside the solid."""
     return mapped(scene) or any(m.patterned for m in scene.materials)
@@ -101,7 +106,7 @@ def choices(scene: Scene, model: str, joint: bool) -> dict[str, str]:
         found[f"light/interaction_part{kind}"] = "one function finds normal and material"
     else:
         found[f"light/interaction{kind}"] = "the normal is found before the material"
-    found["light/geometric_normal" + "_mapped" * mapped(scene)] = "rays are offset along the geometric normal"
+    found["light/geometric_normal" + "_mapped" * has_relief(scene)] = "rays are offset along the geometric normal"
     return found
 
 

@@ -357,7 +357,7 @@ def kept_surface(asked: Asked, surfaces: Materials) -> list[tuple[str, Type]]:
     material = dict(material.fields).get("material", material)
     found = [("surface.normal", VEC3), ("surface.t", FLOAT)]
     found += [(f"surface.material.{name}", type) for name, type in material.fields]
-    if shading.mapped(asked.scene):
+    if surfaces.relief is not None:
         found += [("surface.geometric_normal", VEC3), ("surface.ambient_visibility", FLOAT)]
     found += [("u_side", FLOAT)] if "OWN_START" in marching.variants_of(asked.scene) else []
     return found + ([("emitted", VEC3)] if surfaces.emission is not None else [])

@@ -42,6 +42,7 @@ from raymarch.shader.lights import light_rows
 from raymarch.shader.link import link, module
 from raymarch.shader.shade import shading
 from raymarch.shader.standalone import Setup
+from raymarch.shader.surface import with_footprint
 from raymarch.shader.trim import trimmed
 
 HEADERS = {
@@ -328,7 +329,7 @@ def _roots(plan: Plan, values: Values) -> list[Function]:
         ),
         *(plan.analytic.hit, plan.analytic.rest, plan.analytic.solved_distance),
     )
-    mapped = (footprint_axis, shading_normal) if plan.relief is not None else ()
+    mapped = (footprint_axis,) * with_footprint(plan) + (shading_normal,) * (plan.relief is not None)
     found = [plan.field, *mapped, *(f for f in optional if f is not None), *values.functions, *plan.further]
     return found if plan.standalone else [plan.hoist(function) for function in found]
 

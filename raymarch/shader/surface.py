@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from raymarch.plan import Plan
-from raymarch.plan.shading import patterned
+from raymarch.plan.shading import mapped, patterned
+
+
+def with_footprint(plan: Plan) -> bool:
+    """True if material functions take the normal and the footprint."""
+    return plan.material is not None and mapped(plan.scene)
 
 
 def material_arguments(plan: Plan) -> str:
     """The arguments of material functions: the point, and with maps also the normal and the footprint."""
     point = "surface.inner" if patterned(plan.scene) else "surface.p"
-    return point + (", surface.geometric_normal, surface.dpdx, surface.dpdy" if plan.relief is not None else "")
+    return point + (", surface.geometric_normal, surface.dpdx, surface.dpdy" if with_footprint(plan) else "")
 
 
 def surface_interaction_call(plan: Plan, ray: str, travelled: str) -> str:
@@ -19,7 +24,7 @@ def surface_interaction_call(plan: Plan, ray: str, travelled: str) -> str:
     """
     if not patterned(plan.scene):
         return f"surface_interaction({ray}, hit)"
-    name = "surface_interaction_patterned" if plan.relief is None else "surface_interaction_mapped"
+    name = "surface_interaction_mapped" if with_footprint(plan) else "surface_interaction_patterned"
     return f"{name}({ray}, hit, {travelled})"
 
 

@@ -179,7 +179,7 @@ class Surface:
     def shading_normals(self) -> Array:
         """Normals perturbed by bump and normal maps, on the viewer's side where the origin lies in the solid."""
         normals = self.normals
-        if self.field.mapped:
+        if any(material.relief for material in self.scene.materials):
             normals = values_of(shading_normal, normals, -self.directions, self.material_values["bump_gradient"])
         return np.where(self._back_facing, -normals, normals) if self.inside else normals
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -261,6 +262,21 @@ def test_a_mirror_shows_a_floor_as_from_behind_it(renderer: Renderer) -> None:
         far = wall & (truth(behind, SIZE).depth[:, ::-1] < 30)
         assert far.sum() > 300 and np.ptp(direct[far]) > 0.2
         assert np.percentile(np.abs(picture - direct)[far], 98) < near
+
+
+@pytest.mark.parametrize(("map_of", "paths"), [(rm.planar, False), (rm.planar, True), (rm.triplanar, False)])
+def test_a_picture_of_one_color_is_that_color_also_at_grazing_pixels(
+    map_of: Any, paths: bool, renderer: Renderer
+) -> None:
+    """A map without relief bends no normal. The weights of three projections add up to 1 but for rounding."""
+
+    def drawn(albedo: Any) -> Any:
+        ring = rm.torus(1, 0.4).rotate(0.5, "x").material(rm.Material(albedo=albedo, roughness=0.3))
+        camera, lights = rm.Camera((0, 1.5, 4), (0, 0, 0)), [rm.Sun(shadow=True)]
+        return renderer.render(rm.Scene(ring | rm.plane(offset=-0.5), camera, lights, bounces=int(paths))).color
+
+    picture = np.full((4, 4, 3), 0.5, np.float32)
+    np.testing.assert_allclose(drawn(map_of(picture)), drawn((0.5, 0.5, 0.5)), atol=1e-3)
 
 
 def test_a_picture_seen_squarely_from_far_is_its_mean(egl: Context) -> None:

@@ -12,8 +12,12 @@ Surface surface_interaction_mapped(Ray ray, Hit hit, float travelled) {
     vec3 dpdx = footprint_axis(n, v, width);
     vec3 dpdy = cross(n, dpdx) / max(abs(dot(n, v)), 1.0e-4);
     vec3 inner = inner_point(p, n, hit, travelled);
+    Material material = material_at(inner, n, dpdx, dpdy);
+#ifdef RELIEF
     Relief relief = relief_at(inner, n, dpdx, dpdy);
     vec3 normal = shading_normal(n, v, relief.bump_gradient);
-    Material material = material_at(inner, n, dpdx, dpdy);
     return Surface(p, u_side * normal, v, hit.t, material, relief.ambient_visibility, n, dpdx, dpdy, inner);
+#else
+    return Surface(p, u_side * n, v, hit.t, material, 1.0, n, dpdx, dpdy, inner);
+#endif
 }

@@ -10,8 +10,8 @@
 // numbers are fitted to rods, balls, boxes, gaps and corners. Two straight edges beside the middle leave the least that
 // is taken for a gap. Near both ends of the penumbra a straight edge is taken.
 // Seven rays are too few where few of them are free, but not as beside a straight edge: a gap, a hole and a slot leave
-// them alike. There 24 more rays go to a spiral over the disc. They count in full from a clearance of 0.15 of its radius
-// on, and one ratio of odds makes up for what they lose at edges.
+// them alike. There 24 more rays go to a spiral over the disc. They count in full from a clearance of 0.15 of its
+// radius on, and one ratio of odds makes up for what they lose at edges.
 // The disc is at least 64 ulp of the coordinates wide, because the field is exact to a few ulp only.
 float two_sided_shadow(Surface surface, Light light, float width) {
     if (dot(surface.normal, light.direction) <= 0.0 || light.radiance == vec3(0.0)) return 0.0;
