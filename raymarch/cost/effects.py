@@ -230,7 +230,7 @@ def counting_text(text: str) -> str:
         else:
             lines.append(line)
     end = len(lines) - 1 - lines[::-1].index("}")
-    lines.insert(end, f"    out_color = vec4(vec3({COUNTER}), 1.0);")
+    lines.insert(end, f"    out_color = vec4(vec3({COUNTER if found else '0.0'}), 1.0);")
     return "\n".join(lines) + "\n"
 
 

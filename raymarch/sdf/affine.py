@@ -85,9 +85,11 @@ def transform(node: Node, matrix: MatrixLike) -> Node:
 
     Examples
     --------
+    >>> node = rm.sphere(1).transform([[1, 0, 0, 0], [0, 2, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    >>> node.bounds[1]
+    array([1., 2., 1.])
     >>> pulse = 1.0 + 0.5 * rm.sin(rm.time)
-    >>> flattened = rm.sphere(1).transform([[1, 0, 0, 0], [0, pulse, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
-    >>> flattened.bounds[1]
+    >>> rm.sphere(1).transform([[1, 0, 0, 0], [0, pulse, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]).bounds[1]
     array([1. , 1.5, 1. ])
     """
     n = node.dimension if isinstance(node, Node) else 3

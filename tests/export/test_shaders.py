@@ -93,8 +93,9 @@ def page(scene: rm.Scene, folder: Path, **options: Any) -> tuple[Path, dict[str,
     rm.export(scene, file, **options)
     (text,) = re.findall(r'<script id="data" type="application/json">(.*?)</script>', file.read_text(), re.DOTALL)
     data = json.loads(text)
-    if isinstance(data["shader"], dict):
-        data["shader"] = zlib.decompress(base64.b64decode(data["shader"]["bytes"])).decode()
+    for name in ("shader", "display"):
+        if isinstance(data[name], dict):
+            data[name] = zlib.decompress(base64.b64decode(data[name]["bytes"])).decode()
     return file, data
 
 

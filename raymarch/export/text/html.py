@@ -46,7 +46,9 @@ def text_of(scene: Scene, values: Values, still: bytes = b"") -> Text:
     data = {
         "shader": _text(text),
         "previewed": len(text) > PREVIEWED,
-        "display": _file("page.glsl").replace("TONED", f"{srgb_glsl()}\n{scene.tone.glsl()}").replace("VIEWS", views),
+        "display": _text(
+            _file("page.glsl").replace("TONED", f"{srgb_glsl()}\n{scene.tone.glsl()}").replace("VIEWS", views)
+        ),
         "params": _params(made, shader, values),
         "time": values.time if TIME in shader.uniforms else None,
         "elevation": _elevation(scene, values),
@@ -74,7 +76,7 @@ def _short(text: str) -> str:
     return "\n".join(line for line in lines if line and not line.startswith("//")) + "\n"
 
 
-LONG = 8_000
+LONG = 2_000
 """Length of a text in bytes above which a page holds it compressed."""
 
 PREVIEWED = 24_000

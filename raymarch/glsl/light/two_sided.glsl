@@ -4,14 +4,12 @@
 // where solids reach into the cone. Each counts by its clearance, up to the disc's radius, and a hidden one not at all.
 // So what is thin and wide hides all, and no step is seen in a penumbra: where a thin solid leaves one ray, its
 // neighbours are near it already.
-// A straight edge at the clearance of the middle, on the side where the others find it, leaves a fraction of the disc
-// that is known, and would be counted as another one. Their ratio of odds corrects what is counted. The less the rays
-// find a side, the more it is that of a solid in the middle, whose ratio grows with the light on opposite sides; its
-// numbers are fitted to rods, balls, boxes, gaps and corners. Two straight edges beside the middle leave the least that
-// is taken for a gap. Near both ends of the penumbra a straight edge is taken.
-// Seven rays are too few where few of them are free, but not as beside a straight edge: a gap, a hole and a slot leave
-// them alike. There 24 more rays go to a spiral over the disc. They count in full from a clearance of 0.15 of its
-// radius on, and one ratio of odds makes up for what they lose at edges.
+// A straight edge at the clearance of the middle, on the side where the others find it, leaves a known fraction and is
+// counted as another one: their ratio of odds corrects the count. The less the rays find a side, the more it is that of
+// a solid in the middle, fitted to rods, balls, boxes, gaps and corners. Two edges beside the middle leave the least
+// that is a gap. Near both ends of the penumbra a straight edge is taken.
+// Seven rays do not tell a gap, a hole and a slot apart, where few are free but not as beside a straight edge. There 24
+// more go to a spiral over the disc, count in full from a clearance of 0.15 of its radius, and by one ratio of odds.
 // The disc is at least 64 ulp of the coordinates wide, because the field is exact to a few ulp only.
 float two_sided_shadow(Surface surface, Light light, float width) {
     if (dot(surface.normal, light.direction) <= 0.0 || light.radiance == vec3(0.0)) return 0.0;
