@@ -217,8 +217,11 @@ class TestInABrowser:
         assert not browser.messages
 
     @pytest.mark.parametrize("base", [20, 60, 90])
-    def test_a_picture_is_not_shrunk_where_that_hardly_helps(self, base: float, browser: chromium.Browser) -> None:
+    def test_a_picture_is_not_shrunk_where_that_hardly_helps(
+        self, base: float, browser: chromium.Browser, tmp_path: Path
+    ) -> None:
         """A turning torus in a software renderer takes 60 ms whatever the size, and 400 ms for the whole picture."""
+        browser.open(page(CASES["framed"], tmp_path)[0])
         code = """(() => { const pace = new raymarch.Pace(), all = 1280 * 720; let share, spent;
             for (let i = 0; i < 25; i++) { share = pace.next(all); spent = BASE + 400 * share ** 2;
                 pace.drawn(spent, all * share ** 2); } return [share, spent]; })()"""
