@@ -432,8 +432,9 @@ def _mapped(text: Text, places: _Places) -> list[Mapped]:
     }
     for (helper, kind), code in text.helpers.items():
         if kind == "raw":
+            by, where = f"of the GLSL of {helper}", given.get(helper)
             rows = enumerate(code.split("\n"), 1)
-            lines += [Mapped(line, f"line {i} of the GLSL of {helper}", given.get(helper)) for i, line in rows]
+            lines += [Mapped(line, f"line {i} {by}", where, given=True) for i, line in rows]
             lines.append(Mapped("", helper))
         else:
             lines += [Mapped(line, "a helper function of the expression language") for line in [*code.split("\n"), ""]]

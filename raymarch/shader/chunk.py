@@ -20,12 +20,14 @@ class Mapped:
     """A line of the shader: its text, a description of its origin, and the user's line if there is one.
 
     uniform : the uniform that it declares, if it declares one.
+    given : whether it is GLSL that a user wrote, which stays as it is.
     """
 
     text: str
     made_by: str
     where: Location | None = None
     uniform: Declared | None = None
+    given: bool = False
 
     @classmethod
     def declare(cls, type: str, name: str, made_by: str, where: Location | None = None, note: str = "") -> Mapped:

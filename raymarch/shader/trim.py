@@ -4,6 +4,9 @@ Alternatives of a function share one signature, and structs hold what any effect
 that none of its functions reads. They are found from the words of the text, as a compiler finds them, and taken out
 where they are declared, given and set. What is given is taken out only if computing it changes nothing else. Names
 count, not their scopes, so a name that is read anywhere stays.
+
+The text is that of the package: one name in each declaration, overloads that differ in more than what they do not read,
+no macros. GLSL that a user wrote may be any; it stays as it is, and so does what bears one of its words.
 """
 
 from __future__ import annotations
@@ -31,11 +34,12 @@ def trimmed(lines: Sequence[Mapped], roots: frozenset[str] = frozenset({"main"})
 
     roots : the functions that the driver or a host calls.
     """
-    gone = _unread(tuple([_shape(line.text) for line in lines]), roots)
+    roots |= {word for line in lines if line.given for word in glsl.words(line.text.replace("#", " "))}  # macros too
+    gone = _unread(tuple([() if line.given else _shape(line.text) for line in lines]), roots)
     kept: list[Mapped] = []
     for line, left_out in zip(lines, gone, strict=True):
         text = _without(line.text, left_out) if left_out else line.text
-        if glsl.placed_words(text)[0] or not left_out:
+        if not left_out or glsl.placed_words(text)[0]:
             kept.append(line if text == line.text else replace(line, text=text))
             continue
         while kept and kept[-1].text.startswith("//"):  # a comment on what is gone
@@ -226,7 +230,7 @@ class _Words:
             if function.name not in self.roots and self._uses[function.name] == 1:
                 yield function.head[0], function.body[1]
         for struct, fields in self.structs.items():
-            if self._uses[struct] == 1:
+            if struct not in self.roots and self._uses[struct] == 1:
                 yield fields[0][1][0] - 3, fields[-1][1][1] + 2
 
     @cached_property
@@ -255,7 +259,7 @@ class _Words:
             calls = [self._split(site) for site in self._sites[struct]]
             chosen = {i for i, (name, _) in enumerate(fields) if (struct, name) in dead}
             chosen = {i for i in chosen if all(self._is_pure(call[i]) for call in calls)}
-            if len(chosen) == len(fields):
+            if len(chosen) == len(fields) or struct in self.roots:
                 continue
             for i in chosen:
                 yield fields[i][1]
@@ -338,7 +342,9 @@ class _Words:
     def _variables(self) -> Iterator[Span]:
         """The statements that declare and set variables that are not read."""
         words = self.words
-        yield from (span for name, value, span in self.globals if self._uses[name] == 1 and self._is_pure(value))
+        for name, value, span in self.globals:
+            if name not in self.roots and self._uses[name] == 1 and self._is_pure(value):
+                yield span
         for function in self.functions:
             first, last = function.body
             declared = [

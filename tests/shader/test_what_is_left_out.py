@@ -124,3 +124,32 @@ def test_what_is_given_is_left_out_only_if_it_changes_nothing() -> None:
     assert "unread" not in left and "doubled" not in left
     assert "float kept = counted(2.0);" in left
     assert "float first(float a, float b) {" in left and "first(1.0, counted(2.0))" in left
+
+
+BALL = "float ball(vec3 p) { return length(p) - one(p); }"
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "float one(vec3 p) { float a = 2.0, b; b = 1.0; return b; }\n" + BALL,
+        "float first = 2.0, second;\nfloat one(vec3 p) { second = 1.0; return second; }\n" + BALL,
+        "struct Rod { float r[2]; float h; };\n"
+        "float one(vec3 p) { Rod rod; rod.r[0] = 1.0; rod.h = 0.0; return rod.r[0] + rod.h; }\n" + BALL,
+        "struct Rod { vec2 a, b; };\nfloat one(vec3 p) { return Rod(vec2(1.0), vec2(2.0)).a.x; }\n" + BALL,
+        "struct Rod { float r; } rod;\nfloat one(vec3 p) { rod.r = 1.0; return rod.r; }\n" + BALL,
+        "float of(float a, vec2 b) { return a; }\nfloat of(float a, vec3 b) { return 2.0 * a; }\n"
+        "float one(vec3 p) { return of(1.0, p.xy) + of(0.5, p) - 1.0; }\n" + BALL,
+        "#define ONE(x) \\\n  ((x) * of(p, 1.0))\nfloat of(vec3 p, float x) { return x; }\n"
+        "float one(vec3 p) { return ONE(1.0); }\n" + BALL,
+        "float set;\nvoid give() { set = 1.0; { float set = 3.0; } }\nfloat one(vec3 p) { give(); return set; }\n"
+        + BALL,
+        "float one(vec3 p) {\n int last = 0;\n for (int i = 0; i++ < 3; last = 2) {\n  if (p.x > 1e9) break;\n }\n"
+        " return 1.0;\n}\n" + BALL,
+    ],
+)
+def test_glsl_that_a_user_wrote_stays_as_it_is(code: str) -> None:
+    """All that GLSL allows: several names in a declaration, overloads, macros, names of an inner scope."""
+    ball = raymarch.glsl_node(code, "ball", "exact", bounds=((-1, -1, -1), (1, 1, 1)))
+    shader = assemble(plan(raymarch.Scene(ball, raymarch.Camera((0, 0, 4)))))
+    assert f"\n{code}\n" in shader.text()
