@@ -168,6 +168,9 @@ class Frame:
     color = _Array[np.float32]("Linear RGB, float32, (H, W, 3).")
     depth = _Array[np.float32]("Distance along the ray, float32, (H, W); inf for a miss.")
     normal = _Array[np.float32]("Outward unit normal, float32, (H, W, 3); 0 for a miss.")
+    shading_normal = _Array[np.float32](
+        "Unit normal that light uses, with bump and normal maps, outward as `normal`, float32, (H, W, 3); 0 for a miss."
+    )
     iterations = _Array[np.int32]("Steps of the primary ray and of the cones that contain it, int32, (H, W).")
     evaluations = _Array[np.float32](
         "Field evaluations of the primary ray, plus its portion of those of the cones around it, float32, (H, W)."

@@ -121,6 +121,7 @@ ALL: Mapping[str, View] = {
     "final": View(("color",)),
     "depth": View(("depth",), _depth, _DEPTH),
     "normal": View(("normal",), color=_NORMAL),
+    "shading_normal": View(("shading_normal",), color=_NORMAL),
     **{name: View((name,), _count(quantity), _COUNT) for name, quantity in COUNTS.items()},
     "residual": View(("residual",), _residual, _RESIDUAL),
     "material": View(("material",), color=_MATERIAL),

@@ -60,12 +60,19 @@ class Materials:
 
 
 def materials_of(
-    scene: Scene, solid: Node, lowering: Lowering, shaded: bool, index: bool, field: Function | None, hoist: Hoisting
+    scene: Scene,
+    solid: Node,
+    lowering: Lowering,
+    shaded: bool,
+    index: bool,
+    field: Function | None,
+    hoist: Hoisting,
+    bent: bool = False,
 ) -> Materials:
     """The functions that evaluate materials at a hit. Smooth blends mix materials with the weights of normals.
 
     solid : the node of the scene with its objects as rows.
-    shaded : True if the functions that shade are needed. index : True if the index of the material is needed.
+    shaded, index, bent : True if the functions that shade, the index of the material, normals with relief are needed.
     field : where given, the function of the material also returns the gradient of this field.
     """
     parts = _Parts(scene, solid, lowering, hoist)
@@ -83,8 +90,8 @@ def materials_of(
             made["material"] = parts.with_gradient("part_at", wanted, field, patterned(scene))
         else:
             made["material"] = parts.function("material_at", wanted, extra)
-    if reflects and has_relief(scene):
-        made["relief"] = parts.function("relief_at", _fields("Relief", RELIEF), extra)
+    if (reflects or bent) and has_relief(scene):
+        made["relief"] = parts.function("relief_at", _fields("Relief", RELIEF), SCENE_INTERACTION)
     if glass:
         made["glass"] = parts.function("glass_at", _fields("Glass", GLASS), extra)
     if shaded and any(m.emits for m in chosen):

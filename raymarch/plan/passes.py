@@ -67,7 +67,8 @@ class Pass:
     changed : drawn only if the scene changed since the last picture, with the uniforms of that picture.
     sharp : its rays start at the centre of the lens.
     defines : preprocessor names defined in this pass only. shades : True if it computes the colour of surfaces.
-    surfaces : True if it calls `surface_normal` or `material_index`. counts : True if it reads what a ray has cost.
+    surfaces : True if it calls `surface_normal` or `material_index`. bends : True if it calls `surface_normal`, and
+        `relief_at` where a material has relief. counts : True if it reads what a ray has cost.
     notes : True if it keeps samples of a march.
     extension : the OpenGL extension that it requires; "" for none.
     effect : the post effect that it draws. Its shader is separate from that of the scene.
@@ -88,6 +89,7 @@ class Pass:
     defines: tuple[str, ...] = ()
     shades: bool = False
     surfaces: bool = False
+    bends: bool = False
     counts: bool = False
     notes: bool = False
     extension: str = ""
@@ -230,6 +232,15 @@ DRAWN: Final = {
         "positions were requested",
         {"position": Output(0, slice(3), hit=3, miss=np.nan)},
         sharp=True,
+    ),
+    "shading_normal": Pass(
+        "shading_normal",
+        "view/shading_normal",
+        ("u_shading_normal",),
+        "normals with relief were requested",
+        {"shading_normal": Output(0, slice(3))},
+        sharp=True,
+        bends=True,
     ),
     "cycles": Pass(
         "cycles",

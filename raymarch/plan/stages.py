@@ -90,6 +90,11 @@ class Asked:
         """True if a pass draws normals and indices of materials."""
         return any(p.surfaces for p in self.pictures)
 
+    @property
+    def bent(self) -> bool:
+        """True if a pass draws normals with relief."""
+        return any(p.bends for p in self.pictures)
+
 
 def ask(
     scene: Scene, passes: Sequence[str], standalone: bool, device: DeviceClass, live: LiveLights | None = None
@@ -334,14 +339,15 @@ def surfaces_of(asked: Asked, fields: FieldPlan, lowering: Lowering) -> SurfaceP
         slope = (solid.facts.undivided / solid.facts.lipschitz if solid.facts.divided else 1.0) / least
         further += [undivided, Function("divided", (r,), r / slope)] if soft else []
     joint = shading.with_gradient(scene) and shaded and lowering.sites is None
-    needs_normal = (shaded and shading.needs_surface(scene) and not joint) or geometry or moving
+    needs_normal = (shaded and shading.needs_surface(scene) and not joint) or geometry or asked.bent or moving
     sliced = any(p.name == "slice" for p in asked.pictures)
     gradient = None
     if sliced or (needs_normal and scene.quality.normals == "analytic"):
         gradient = companion(fields.field)
     materials = Materials()
-    if shaded or geometry:
-        materials = materials_of(scene, solid, lowering, shaded, geometry, fields.field if joint else None, hoist)
+    if shaded or geometry or asked.bent:
+        joined = fields.field if joint else None
+        materials = materials_of(scene, solid, lowering, shaded, geometry, joined, hoist, asked.bent)
     twins: Mapping[str, Expr] = {}
     if moving:
         place, twins = motion_of(solid, lowering, hoist)

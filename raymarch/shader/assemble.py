@@ -329,7 +329,8 @@ def _roots(plan: Plan, values: Values) -> list[Function]:
         ),
         *(plan.analytic.hit, plan.analytic.rest, plan.analytic.solved_distance),
     )
-    mapped = (footprint_axis,) * with_footprint(plan) + (shading_normal,) * (plan.relief is not None)
+    bent = plan.relief is not None
+    mapped = (footprint_axis,) * (bent or with_footprint(plan)) + (shading_normal,) * bent
     found = [plan.field, *mapped, *(f for f in optional if f is not None), *values.functions, *plan.further]
     return found if plan.standalone else [plan.hoist(function) for function in found]
 

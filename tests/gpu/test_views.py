@@ -61,9 +61,10 @@ def test_positions_are_colours_between_those_of_the_picture() -> None:
     assert not shown("position", [[(np.nan, np.nan, np.nan)]]).any()
 
 
-def test_normals_are_colours_from_minus_one_to_one() -> None:
+@pytest.mark.parametrize("view", ["normal", "shading_normal"])
+def test_normals_are_colours_from_minus_one_to_one(view: str) -> None:
     normals = [[(1, 0, 0), (0, -1, 0), (0, 0, 1), (0, 0, 0)]]
-    assert shown("normal", normals).tolist() == [[[255, 128, 128], [128, 0, 128], [128, 128, 255], [0, 0, 0]]]
+    assert shown(view, normals).tolist() == [[[255, 128, 128], [128, 0, 128], [128, 128, 255], [0, 0, 0]]]
 
 
 @pytest.mark.parametrize("view", ["iterations", "evaluations", "fallbacks"])

@@ -17,7 +17,7 @@ from raymarch.expr.node import const, var
 from raymarch.expr.texels import Texels, Wrap
 from raymarch.expr.textures import texture
 from raymarch.expr.types import FLOAT, VEC2
-from raymarch.expr.vocabulary import vec3
+from raymarch.expr.vocabulary import cos, sin, vec3
 from raymarch.gpu import Renderer
 from raymarch.gpu.context import Context
 from raymarch.plan import mixing, plan
@@ -277,6 +277,51 @@ def test_a_picture_of_one_color_is_that_color_also_at_grazing_pixels(
 
     picture = np.full((4, 4, 3), 0.5, np.float32)
     np.testing.assert_allclose(drawn(map_of(picture)), drawn((0.5, 0.5, 0.5)), atol=1e-3)
+
+
+def test_a_normal_map_of_one_tilt_turns_the_shading_normal_by_that_tilt(renderer: Renderer) -> None:
+    """The map's right is the x of the floor, its up is -z. What lights the floor makes no difference."""
+    tilt = np.array([0.36, 0.48, 0.8])
+    picture = np.broadcast_to(np.float32(0.5 + 0.5 * tilt), (4, 4, 3)).copy()
+    relief = rm.Material(normal=rm.planar(picture, axis="y"))
+    for lights in ([], [rm.Sun()]):
+        made = rm.Scene(rm.plane().material(relief), rm.Camera((0, 4, 1), (0, 0, 0)), lights)
+        frame = renderer.render(made, outputs=("shading_normal", "normal"))
+        hit = np.isfinite(frame.depth)
+        assert hit.mean() > 0.9 and np.allclose(frame.normal[hit], (0, 1, 0), atol=1e-6)
+        np.testing.assert_allclose(frame.shading_normal[hit], np.tile((0.36, 0.8, -0.48), (hit.sum(), 1)), atol=5e-3)
+        assert not frame.shading_normal[~hit].any()
+
+
+RAISED = rm.Material(height=lambda p: 0.05 * sin(6.0 * p.x) * cos(5.0 * p.y) * sin(4.0 * p.z), height_scale=1.0)
+RELIEFS = {
+    "heights": rm.sphere(1.2).material(RAISED) | rm.plane(offset=-1),
+    "a blend": rm.union(rm.sphere(1.2).material(RAISED), rm.box(1.6).rotate(0.4, "y"), k=0.3),
+    "no relief": rm.sphere(1.2) | rm.plane(offset=-1).material(rm.Material(rm.planar(np.full((4, 4, 3), 0.5)))),
+}
+
+
+@pytest.mark.parametrize("fov", [40.0, None])
+@pytest.mark.parametrize("inside", [False, True])
+@pytest.mark.parametrize("solid", RELIEFS)
+def test_shading_normals_are_those_of_the_reference(
+    solid: str, inside: bool, fov: float | None, renderer: Renderer
+) -> None:
+    """They are outward; light turns them to the camera where that is in the solid."""
+    lens: dict[str, Any] = {"fov": fov} if fov else {"projection": "orthographic"}
+    camera = rm.Camera((0.1, 0.2, 0.1) if inside else (1, 2, 4), (-0.6, 0.1, -0.2), **lens)
+    made = rm.Scene(RELIEFS[solid], camera, [rm.Sun()])
+    frame = renderer.render(made, outputs=("shading_normal", "normal"))
+    known = truth(made, renderer.size)
+    outward = known._picture(lambda s: -s.shading_normals if s.inside else s.shading_normals, 0.0)
+    both = known.hit & (np.abs(np.where(known.hit, known.depth, 0.0) - frame.depth) < 1e-3)
+    assert both.mean() > 0.3
+    off = np.abs(frame.shading_normal - outward)[both].max(axis=-1)
+    assert np.quantile(off, 0.99) < 1e-3 and off.max() < 0.02
+    if solid == "no relief":
+        assert np.array_equal(frame.shading_normal, frame.normal)
+    else:
+        assert np.abs(frame.shading_normal - frame.normal).max() > 0.1
 
 
 def test_a_picture_seen_squarely_from_far_is_its_mean(egl: Context) -> None:

@@ -36,9 +36,10 @@ DTYPES = {
     "material": np.int32,
     "slice": np.float32,
     "position": np.float32,
+    "shading_normal": np.float32,
     "cycles": np.float32,
 }
-DEEP = {"color": (3,), "normal": (3,), "slice": (2,), "position": (3,)}
+DEEP = {"color": (3,), "normal": (3,), "slice": (2,), "position": (3,), "shading_normal": (3,)}
 RED = rm.Material((1.0, 0.0, 0.0))
 
 

@@ -1,0 +1,26 @@
+// Pass: the normal with which light shades each pixel, outward as that of the geometry; 0 where nothing was hit.
+layout(location = 0) out vec4 out_shading_normal;
+
+void main() {
+    Ray ray = camera_ray(PIXEL);
+    Hit hit = trace(ray);
+    vec3 found = vec3(0.0);
+    if (hit.found) {
+        vec3 p = ray.origin + hit.t * ray.direction;
+        vec3 n = surface_normal(p, ray.direction);
+#ifdef RELIEF
+        vec3 v = -ray.direction;
+#ifdef ORTHOGRAPHIC
+        float width = footprint_pixels * u_pixel;
+#else
+        float width = footprint_pixels * u_pixel * hit.t;
+#endif
+        vec3 dpdx = footprint_axis(n, v, width);
+        vec3 dpdy = cross(n, dpdx) / max(abs(dot(n, v)), 1.0e-4);
+        found = shading_normal(n, v, relief_at(inner_point(p, n, hit, hit.t), n, dpdx, dpdy).bump_gradient);
+#else
+        found = u_side * visible_side(u_side * n, ray.direction);
+#endif
+    }
+    out_shading_normal = vec4(found, 0.0);
+}
