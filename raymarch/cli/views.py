@@ -17,12 +17,13 @@ from raymarch.gpu.prepare import Wanted
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.scale import with_bar
 from raymarch.gpu.slices import Slice
-from raymarch.gpu.views import VIEWS
+from raymarch.gpu.views import VIEWS, count_scale
 from raymarch.scene.scene import Scene
 
 CHOICES: Mapping[str, tuple[str, ...]] = {
     **VIEWS,
     "error": ("depth",),
+    "all_evaluations": ("color",),
     "nonfinite": ("color",),
     "lipschitz": ("color",),
 }
@@ -43,6 +44,8 @@ def shown(
         return _probed(renderer, view, scene, frame.time, params, progress)
     if view == "error":
         return _compared(frame, scene, params)
+    if view == "all_evaluations":
+        return _counted(renderer, scene, frame.time, params)
     return view_of(frame, view, scene)
 
 
@@ -75,6 +78,21 @@ def _compared(frame: Frame, scene: Scene, params: Mapping[str, Any]) -> Shown:
     def numbers() -> NDArray[np.float32]:
         errors = maps.errors_of(frame, scene, params)
         return np.repeat(errors[..., None], 3, axis=-1).astype(np.float32)
+
+    return Shown(image, numbers)
+
+
+def _counted(renderer: Renderer, scene: Scene, time: float, params: Mapping[str, Any]) -> Shown:
+    from raymarch.cost.effects import evaluation_counts  # only this view counts in a shader of its own
+
+    counts = evaluation_counts(scene, renderer, time, params)
+
+    def image() -> Image.Image:
+        scale = count_scale("evaluations by all rays of a pixel")(counts)
+        return with_bar(Image.fromarray(np.asarray(np.rint(255 * scale.colored(counts)), np.uint8)), scale)
+
+    def numbers() -> NDArray[np.float32]:
+        return np.repeat(counts[..., None], 3, axis=-1)
 
     return Shown(image, numbers)
 

@@ -197,17 +197,23 @@ def _figures(scene: Scene, renderer: Any, time: float, params: Any) -> dict[str,
 
 
 def evaluations_of(scene: Scene, renderer: Any, time: float = 0.0, params: Mapping[str, Any] | None = None) -> float:
-    """Mean evaluations of the field and its gradient per pixel, with those of shadows and all other secondary rays.
+    """Mean evaluations of the field and its gradient per pixel: the mean of `evaluation_counts`."""
+    return float(evaluation_counts(scene, renderer, time, params).mean())
 
-    The scene's own shader with an inserted counter counts them, at one ray per pixel and without cones.
+
+def evaluation_counts(
+    scene: Scene, renderer: Any, time: float = 0.0, params: Mapping[str, Any] | None = None
+) -> NDArray[np.float32]:
+    """Evaluations of the field and its gradient by all rays of a pixel, shadows and reflections among them, (H, W).
+
+    The scene's own shader with an inserted counter counts them, at one camera ray per pixel and without cones.
     """
     plain = scene.replace(post=[], quality=scene.quality.replace(**SINGLE_PASS, samples=1))
     ready = prepare(plain, ("color",), renderer.size)
     counting = replace(ready, texts={name: counting_text(text) for name, text in ready.texts.items()})
     with Renderer(renderer.size, context=renderer.context) as own:
         own.adopt(plain, counting, ("color",))
-        counted = own.render(plain, time, params, ("color",)).array("color")[..., 0]
-    return float(counted.mean())
+        return np.ascontiguousarray(own.render(plain, time, params, ("color",)).array("color")[..., 0])
 
 
 COUNTED = (

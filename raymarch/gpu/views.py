@@ -60,9 +60,9 @@ class View:
         return (0.0, 1.0) if scale is None else (scale.low, builtins.min(scale.high, 1e30))
 
 
-def _count(quantity: str) -> Callable[[NDArray[Any]], Scale]:
-    """From 0 to the 99th percentile, so that a few extreme pixels do not darken the others; to the maximum if the
-    percentile is 0."""
+def count_scale(quantity: str) -> Callable[[NDArray[Any]], Scale]:
+    """The scale of counts: from 0 to the 99th percentile, so that a few extreme pixels do not darken the others; to the
+    maximum if the percentile is 0."""
 
     def scale(counts: NDArray[Any]) -> Scale:
         most = _largest(counts)
@@ -122,7 +122,7 @@ ALL: Mapping[str, View] = {
     "depth": View(("depth",), _depth, _DEPTH),
     "normal": View(("normal",), color=_NORMAL),
     "shading_normal": View(("shading_normal",), color=_NORMAL),
-    **{name: View((name,), _count(quantity), _COUNT) for name, quantity in COUNTS.items()},
+    **{name: View((name,), count_scale(quantity), _COUNT) for name, quantity in COUNTS.items()},
     "residual": View(("residual",), _residual, _RESIDUAL),
     "material": View(("material",), color=_MATERIAL),
     "position": View(("position",), color=_POSITION, ends=_position_ends),

@@ -16,8 +16,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import raymarch as rm
 from raymarch.cli.commands import main
-from raymarch.cli.views import CHOICES, Shown
+from raymarch.cli.views import CHOICES, Shown, shown
+from raymarch.cost.effects import evaluations_of
 from raymarch.gpu.renderer import Renderer
 from raymarch.plan.passes import DRAWN
 from tests.support.commands import files, run
@@ -93,7 +95,17 @@ def test_the_probe_names_node_and_line(folder, capsys):
         assert capsys.readouterr().out.startswith(words)
 
 
-@pytest.mark.parametrize("view", ["evaluations", "slice", "boxes", "error", "nonfinite", "lipschitz"])
+def test_the_evaluations_of_all_rays_are_those_of_the_command_cost():
+    scene = rm.Scene(rm.torus(1, 0.3) | rm.plane(offset=-1), lights=[rm.Sun(shadow=True)])
+    with Renderer((24, 16)) as renderer:
+        numbers = shown(renderer, renderer.render(scene), "all_evaluations", scene, {}).numbers()
+        assert numbers.shape == (16, 24, 3) and np.ptp(numbers, axis=-1).max() == 0.0
+        assert numbers.mean() == pytest.approx(evaluations_of(scene, renderer), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "view", ["evaluations", "all_evaluations", "slice", "boxes", "error", "nonfinite", "lipschitz"]
+)
 def test_views_are_written_as_numbers_too(folder, view):
     assert run("render", "hello.py", "-o", "a.exr", "--view", view, "--size", "24x16") == 0
     assert files(folder) == {"hello.py", "a.exr"}

@@ -10,7 +10,7 @@ import pytest
 
 import raymarch as rm
 from raymarch.cli import main
-from raymarch.cost.effects import ablate, ablations, counting_text, dearest, evaluations_of
+from raymarch.cost.effects import ablate, ablations, counting_text, dearest, evaluation_counts, evaluations_of
 from raymarch.errors import CostError
 
 SIZE = (48, 27)
@@ -153,6 +153,20 @@ def test_the_counting_shader_counts(renderer):
     more = evaluations_of(lit, renderer) - evaluations_of(scene, renderer)
     assert more == pytest.approx(float(np.isfinite(frame.depth).mean()), abs=1e-3), "one gradient where there is a hit"
     assert np.array_equal(renderer.render(scene).color, renderer.render(scene).color), "the picture is not the count"
+
+
+def test_each_pixel_has_the_count_of_its_own_rays(renderer):
+    """Without lights those of the camera ray, and one gradient more where a light shines on the hit."""
+    scene = rm.Scene(rm.torus(1, 0.3), lights=[], camera=rm.Camera((0, 2, 5), (0, 0, 0)))
+    scene = scene.replace(quality=rm.Quality(schedule="single"))
+    frame = renderer.render(scene, outputs=("evaluations",))
+    alone, hit = evaluation_counts(scene, renderer), np.isfinite(frame.depth)
+    assert np.array_equal(alone, frame.evaluations)
+    assert np.array_equal(evaluation_counts(scene.replace(lights=[rm.Sun()]), renderer), alone + hit)
+    shadowed = scene.replace(lights=[rm.Sun(shadow=True)])
+    counts = evaluation_counts(shadowed, renderer)
+    assert np.array_equal(counts[~hit], alone[~hit]) and counts[hit].mean() > alone[hit].mean()
+    assert evaluations_of(shadowed, renderer) == pytest.approx(counts.mean(), rel=1e-6)
 
 
 def test_shadows_of_divided_fields_are_counted(renderer):
