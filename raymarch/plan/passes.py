@@ -275,13 +275,15 @@ OUTPUTS: Final = tuple(name for drawn in DRAWN.values() for name in drawn.output
 def picture_passes(
     names: Sequence[str], quality: Quality, changes: bool = False, mixed: bool = False, post: Sequence[PostEffect] = ()
 ) -> list[Pass]:
-    """The requested passes and those that they need, in drawing order, without cones, and before light is split.
+    """The requested passes and those that they need, in drawing order, without cones, and before light is split. Post
+    effects follow all passes of the scene.
 
     names : of `DRAWN`. changes : True if the scene reads time or parameters.
     mixed : True if a lens or an open shutter lets a pixel show many surfaces, so that no history can follow them.
     post : the effects of the scene.
     """
     found = [MARCH] if quality.steps_per_pass is not None else []
+    effects: list[Pass] = []
     sampled = quality.steps_per_pass is None and (quality.samples > 1 or quality.temporal != "off")
     for name in names:
         if name == "color" and quality.temporal == "reproject" and not mixed:
@@ -291,8 +293,9 @@ def picture_passes(
         else:
             found.append(DRAWN[name])
         if name == "color" and post:
-            found += changed_by(found.pop(), post)
-    return found
+            picture, *effects = changed_by(found.pop(), post)
+            found.append(picture)
+    return [*found, *effects]
 
 
 def split_lights(passes: Sequence[Pass], texels: int) -> list[Pass]:

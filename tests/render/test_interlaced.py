@@ -190,6 +190,18 @@ def test_other_arrays_beside_the_picture_and_after_it(renderer: Renderer, drawn:
     same_texels(renderer, frames_of(renderer, scene())[-1].color, known["color"])
 
 
+def test_other_arrays_beside_a_picture_with_a_post_effect(renderer: Renderer, drawn: list[Any]) -> None:
+    """The effect follows all passes that are drawn grid by grid."""
+    made, names = scene().replace(post=[rm.Bloom()]), ("color", "depth", "normal")
+    whole = renderer.render(made, outputs=names)
+    known = {name: whole.array(name) for name in names}
+    renderer.forget()
+    frames = frames_of(renderer, made, outputs=names)
+    assert len(frames) > 1
+    for name in names:
+        same_texels(renderer, frames[-1].array(name), known[name])
+
+
 def test_a_frame_without_a_budget_completes_the_picture(renderer: Renderer, drawn: list[Any]) -> None:
     whole = renderer.render(scene()).color
     renderer.forget()
