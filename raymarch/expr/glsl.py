@@ -129,7 +129,8 @@ def print_functions(
     names: dict[Function, str] = {}
     expressions = [e for f in roots for e in f.inner]
     uniforms = _uniforms(expressions, frozenset(taken))
-    occupied = {*taken, *uniforms, TIME, *_names_in_raw(expressions, {*taken, *uniforms, TIME})}
+    occupied = {*taken, *uniforms, TIME}
+    occupied |= _names_in_raw(expressions, occupied.union(root.name for root in roots))
     numbers: dict[str, int] = {}
     for definition in [*roots, *order]:  # the roots keep their own names
         if definition not in names:

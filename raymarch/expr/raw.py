@@ -49,11 +49,11 @@ class RawFunction:
 
     @property
     def defines(self) -> frozenset[str]:
-        """Names of functions, constants and macros that the code defines, and the name of the gradient."""
+        """Names of what the code defines outside of functions, macros too, and the name of the gradient."""
         return (
             frozenset({f"{self.name}_slope"})
             | frozenset(re.findall(r"^\s*#\s*define\s+(\w+)", self.code, re.M))
-            | frozenset(re.findall(r"^\s*(?:const\s+)?\w+\s+(\w+)\s*[(=\[]", _outermost(self.code), re.M))
+            | frozenset(name for statement in _outermost(self.code) for name in _declared(statement))
         )
 
 
@@ -62,14 +62,20 @@ def without_comments(code: str) -> str:
     return re.sub(r"//[^\n]*|/\*.*?\*/", " ", code, flags=re.S)
 
 
-def _outermost(code: str) -> str:
-    """The code outside of all braces, without comments."""
+def _outermost(code: str) -> list[str]:
+    """The statements outside of all braces, without comments and lines of the preprocessor."""
     depth, kept = 0, []
-    for character in without_comments(code):
+    for character in re.sub(r"^\s*#(?:.*\\\n)*.*$", "", without_comments(code), flags=re.M).replace("\n", " "):
         depth += (character == "{") - (character == "}")
         if depth == 0:
             kept.append("\n" if character in "};" else character)
-    return "".join(kept)
+    return "".join(kept).split("\n")
+
+
+def _declared(statement: str) -> list[str]:
+    """The names that a statement outside of all braces declares."""
+    found = re.match(r"\s*(?:const\s+)?\w+(?:\s*\[\w*\])?\s+(\w+)\s*(?:$|[(=\[,])", statement)
+    return [] if found is None else [found[1], *re.findall(r",\s*(\w+)", statement[found.end(1) :].partition("(")[0])]
 
 
 def raw(function: RawFunction, p: Operand) -> Expr:

@@ -93,3 +93,26 @@ def test_a_fault_in_the_code_leads_to_its_line(egl: Context) -> None:
 )
 def test_what_cannot_be_is_refused(make: Any, says: str) -> None:
     refused(make, says)
+
+
+@pytest.mark.parametrize(
+    "declared",
+    [
+        "float sky;",
+        "float one, sky;",
+        "const float ONE = 1.0, sky = 2.0;",
+        "struct sky { float a; };",
+        "float\n sky = 1.0;",
+    ],
+)
+def test_a_name_of_the_shader_is_refused_however_it_is_declared(declared: str) -> None:
+    made = glsl_node(f"{declared}\nfloat ball(vec3 p) {{ return length(p) - 1.0; }}", "ball", "exact")
+    with pytest.raises(SceneError, match="the GLSL name sky is used by the shader"):
+        rm.render(rm.Scene(made, sky=rm.GradientSky()), size=(2, 2))
+
+
+def test_names_of_parameters_and_of_inner_variables_are_free() -> None:
+    code = "float ball(\n  vec3 sky,\n  float trace\n) { float shade, march; return length(sky) - trace; }\n"
+    code += "#define BALL(x) \\\n  ball(x, 1.0)\nfloat body(vec3 p) { return BALL(p); }"
+    made = glsl_node(code, "body", "exact", bounds=((-1, -1, -1), (1, 1, 1)))
+    rm.render(rm.Scene(made, sky=rm.GradientSky()), size=(16, 12))
