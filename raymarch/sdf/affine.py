@@ -123,6 +123,9 @@ def _rows(matrix: Any, n: int) -> list[Expr] | None:
     made = [[as_operand("transform: matrix", each, legal) for each in row] for row in listed]
     if any(each.type is not FLOAT for row in made for each in row):
         raise SceneError(f"transform: matrix = {short(matrix)}", legal=legal)
+    for row in made:
+        if wrong := [each for each in row if each.is_constant and not np.isfinite(each.data)]:
+            raise SceneError(f"transform: an element of the matrix is {_shown(wrong[0])}", legal=legal)
     last = [row[n] for row in made]
     if not _is_corner(last):
         swapped = _is_corner(made[n])

@@ -145,6 +145,16 @@ def test_what_cannot_be_known_is_refused() -> None:
         ([[C, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], "3 rows", "4x4"),
         ([[C, 0, 0, S], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], "an expression, 0, 0, 1", "pass its transpose"),
         ([[C, 0, 0, 1], [0, 1, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]], "pass its transpose"),
+        (
+            [[C, 0, 0, 0], [0, np.nan, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],
+            "an element of the matrix is nan",
+            "4x4 finite",
+        ),
+        (
+            [[C, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, np.inf, 0, 1]],
+            "an element of the matrix is inf",
+            "4x4 finite",
+        ),
         ([[rm.vec2(1, 2), 0, 0, 0], [0, C, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], "4x4 finite numbers, or expressions"),
     ):
         with pytest.raises(SceneError) as fault:
