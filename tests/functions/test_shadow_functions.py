@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 import raymarch as rm
 from raymarch.expr.function import Function
 from raymarch.expr.node import expr
-from raymarch.expr.types import VEC3
+from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import where
 from raymarch.gpu.context import Context
 from raymarch.scene.ambient_occlusion import NORMAL, POINT
+from raymarch.truth.light import _few
 from tests.support.glsl_harness import evaluate, modules, run
 
 ULP = 2.0**-24
@@ -288,3 +289,22 @@ def test_openness_is_a_share(egl: Context, body: Any, strength: float, known: fl
     function = Function("visibility", (POINT, NORMAL), visibility)
     found = evaluate(egl, function, [np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]])])
     np.testing.assert_allclose(found, known, rtol=8 * ULP)
+
+
+def test_how_far_seven_rays_are_too_few_is_that_of_the_truth(egl: Context) -> None:
+    """Also where none of the six is free, and where a solid in the middle is deep."""
+    middle, off, total, sided = (a.ravel() for a in np.meshgrid(
+        [-0.97, -0.9, -0.85, -0.3, 0.0, 0.1, 0.5, 0.9], [0.0, 1.0, 1.7, 3.0], [0.0, 0.05, 1.0, 2.0], [0.0, 0.6, 1.0]
+    ))  # fmt: skip
+    before = "float beside_edge(float clear) { return clear; }"
+    found = run(egl, modules("light/seven", before=before), "few_of_seven({0}, {1}, {2}, {3})",
+                [(FLOAT, values) for values in (middle, off, total, sided)], 1)  # fmt: skip
+    np.testing.assert_allclose(found, _few(middle, off, total, sided), atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["light/cone", "light/two_sided"])
+def test_the_widest_disc_is_a_disc(egl: Context, kind: str) -> None:
+    """A sine of 1 is taken for 0.999."""
+    wall = "p.x + 0.5"
+    widest, _ = shadows(egl, kind, wall, UP, width=1.0)
+    assert widest == pytest.approx(shadows(egl, kind, wall, UP, width=0.999)[0], abs=1e-6)

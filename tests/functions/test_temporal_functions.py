@@ -446,11 +446,12 @@ uniform sampler2D u_color;
 uniform sampler2D u_surface;
 uniform sampler2D u_history;
 uniform bool u_known;
+uniform float u_beside;
 vec4 asked_for;
 Ray camera_ray(vec2 pixel) { return Ray(vec3(0.0), vec3(pixel, 1.0)); }
 bool find_in_history(vec4 surface, vec3 position, vec3 direction, out vec2 pixel) {
     asked_for = surface;
-    pixel = direction.xy;
+    pixel = direction.xy + vec2(u_beside, 0.0);
     return u_known;
 }
 vec4 history_at(vec2 pixel) { return texelFetch(u_history, ivec2(pixel), 0); }
@@ -471,6 +472,7 @@ def resolved(egl: Context, color: np.ndarray, history: np.ndarray, **given: Any)
     before = "uniform bool u_nearest;\n" + STAND_INS
     text = modules("temporal/finite", "temporal/resolve", before=before)
     values = {"u_color": color, "u_history": history, "u_keep": True, "u_still": False, "u_known": True, "u_most": 1e9}
+    values |= {"u_beside": 0.0}
     values |= {"u_camera_rests": False, "u_moves": False, "u_stayed": True, **given}
     values.setdefault("u_surface", np.broadcast_to(np.float32(SKY), color.shape))
     return draw(egl, text, color.shape[1::-1], values, 2)
@@ -505,6 +507,7 @@ def test_samples_that_are_joined_are_their_mean(egl: Context) -> None:
         ({"u_camera_rests": True, "u_known": False}, counts),
         ({"u_camera_rests": True, "u_moves": True}, moving),
         ({"u_camera_rests": True, "u_stayed": False}, 0 * counts),
+        ({"u_camera_rests": True, "u_stayed": False, "u_most": 3.0}, 0 * counts),
         ({"u_camera_rests": True, "u_stayed": False, "u_moves": True}, moving),
         ({"u_camera_rests": True, "u_most": 3.0}, np.minimum(counts, 3)),
         ({"u_camera_rests": True, "u_most": 12.0}, np.minimum(counts, 12)),
@@ -695,3 +698,25 @@ def test_a_point_is_shaded_where_it_was(
         assert np.all(steepness * np.abs(motion[:, 2]) <= near) and not motion[:, :2].any()
     else:
         np.testing.assert_array_equal(color[:, :3], 0.0)
+
+
+def test_a_pixel_has_the_samples_of_the_place_that_it_was_at(egl: Context) -> None:
+    """Not as few as stand where it is now."""
+    counts = np.array([[0.0, 3, 9, 10, 1000, 2]])
+    history = np.stack([counts * 0 + 8, counts * 0, counts * 0 + 2, counts], axis=-1)
+    color = np.broadcast_to(np.float32((0, 4, 2, 1)), history.shape)
+    found = resolved(egl, color, history, u_beside=1.0)[0]
+    assert np.array_equal(found[0, :-1, 3], np.minimum(counts[0, 1:], 10) + 1)
+
+
+@pytest.mark.parametrize("variant", ["ORTHOGRAPHIC", ""])
+def test_surfaces_at_other_distances_are_not_alike(egl: Context, variant: str) -> None:
+    """Nearer as well as farther."""
+    text = OUT + "uniform sampler2D u_history;\nvec3 motion_vector(ivec2 at) { return vec3(0.0); }\n"
+    names = ("temporal/finite", "temporal/reproject", "temporal/rest")
+    made = modules(*names, before=text, variants=frozenset({variant} - {""})).replace(OUT, "")
+    cases = [(10.0, 10.0, True), (10.01, 10.0, True), (9.99, 10.0, True), (8.0, 10.0, False), (12.0, 10.0, False)]
+    was, now, alike = zip(*((facing("z", a), facing("z", b), same) for a, b, same in cases), strict=True)
+    given = {"u_before_half_height": 1.0} if variant else {}
+    found = run(egl, made, "is_alike({0}, {1}) ? 1.0 : 0.0", [(VEC4, was), (VEC4, now)], uniforms=given)
+    assert [bool(same) for same in found] == list(alike)
