@@ -181,7 +181,8 @@ class CellPace:
 
         A march pass that was never drawn takes as long as the one before. Any other begins with a few cells. No cell is
         expected to be cheaper than the mean: the next rows may be dearer than the last ones.
-        drawn : whether this frame has drawn a band. The first one of a frame has at least a cell.
+        drawn : whether this frame has drawn a band. The first one of a frame has at least a cell, and as many as add a
+            quarter to its fixed time, which may be longer than the budget.
         """
         name, number = key
         while (name, number) not in self._last and number > 0:
@@ -196,4 +197,6 @@ class CellPace:
             return rest
         if drawn and left < self._fixed + each:
             return 0
-        return min(max(int((CAUTION * left - self._fixed) / max(each, 1e-9)), 1), rest)
+        more = CAUTION * left - self._fixed
+        more = more if drawn else max(more, 0.25 * self._fixed)
+        return min(max(int(more / max(each, 1e-9)), 1), rest)

@@ -227,3 +227,11 @@ def test_the_time_of_bands_is_learned_as_a_fixed_time_and_one_of_a_cell() -> Non
     budget.add(9.5)
     assert pace.fitting(("a", 0), 1000, budget, drawn=True) == 0
     assert pace.fitting(("a", 0), 1000, Budget(1e-9), drawn=False) == 1
+
+
+def test_a_band_whose_fixed_time_is_longer_than_the_budget_is_not_of_one_cell() -> None:
+    pace = CellPace()
+    pace.add(("a", 0), 1, 5.0)
+    pace.add(("a", 0), 100, 10.0)
+    assert pace.fitting(("a", 0), 1000, Budget(1.0), drawn=False) == 25, "a quarter longer"
+    assert pace.fitting(("a", 0), 1000, Budget(1.0), drawn=True) == 0
