@@ -1,4 +1,4 @@
-"""Leave out what a linked text never reads: fields of structs, parameters of functions, and variables.
+"""Leave out what a linked text never reads: functions, structs and their fields, parameters, and variables.
 
 Alternatives of a function share one signature, and structs hold what any effect needs, so a scene's text holds some
 that none of its functions reads. They are found from the words of the text, as a compiler finds them, and taken out

@@ -45,8 +45,8 @@ def test_a_line_of_a_module_is_the_line_of_its_file() -> None:
             module = printer.__file__.removesuffix("expr/glsl.py") + file.removeprefix("raymarch/")
             with open(module, encoding="utf-8") as source:
                 written = source.read().splitlines()[int(count) - 1].replace("PIXEL", glsl.PIXEL)
-            left = iter(written.split())  # what is never read is left out
-            assert line == written or all(any(word.rstrip(",);") in of for of in left) for word in line.split())
+            words = iter(glsl.placed_words(written)[0])  # what is never read is left out, and nothing is put in
+            assert line == written or all(word in words for word in glsl.placed_words(line)[0])
 
 
 def test_every_line_of_the_field_has_a_place_of_the_users() -> None:
