@@ -21,7 +21,6 @@ FUNCTIONS = {
 
 LONG_FILES = {
     "raymarch/gpu/renderer.py": 613,
-    "raymarch/plan/cells.py": 639,
     "raymarch/scene/light.py": 781,
     "raymarch/sdf/definition.py": 527,
     "raymarch/sdf/deform.py": 600,

@@ -11,37 +11,39 @@ without any such object stores a lower bound of f(c) only: f(p) >= f(c) - |p - c
 
 from __future__ import annotations
 
-import hashlib
-import os
-import time
-from collections.abc import Iterator, Mapping
-from contextlib import suppress
-from dataclasses import dataclass, fields, replace
-from typing import Any, TypeAlias
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch import cache
-from raymarch.errors import warn
 from raymarch.expr.arrays import evaluator
-from raymarch.expr.glsl import print_functions
 from raymarch.expr.node import var
 from raymarch.expr.types import FLOAT
-from raymarch.files import sources
+from raymarch.plan.lists import (
+    CORNERS,
+    ENTRIES,
+    MANY,
+    PAIRS,
+    WORTH,
+    Array,
+    Indices,
+    Level,
+    Whole,
+    crowded,
+    folds,
+    joined,
+    parts,
+    ranges,
+    taken,
+    write,
+)
 from raymarch.sdf.blends import FAMILIES, REACH
 from raymarch.sdf.rows import Rows
-
-Array: TypeAlias = NDArray[np.float64]
-Whole: TypeAlias = NDArray[np.int64]
-Indices: TypeAlias = NDArray[np.int32]
 
 CROWDED = 4
 """A cell of the grid with more objects is halved, if its children have fewer. Twice as many are needed for each further
 halving: a level costs every evaluation a fetch."""
-
-WORTH = 0.75
-"""A cell is halved if its children have at most this fraction of its objects on average."""
 
 FINEST = 4
 """Maximum number of times that a cell of the grid is halved."""
@@ -60,24 +62,11 @@ AROUND, AROUND_EACH = 4096, 64
 """Maximum number of cells of a grid, and of those for each object: where the field must be exact far from all objects,
 cells are larger."""
 
-MANY, ENTRIES = 1 << 22, 24 << 20
-"""Number of entries in all lists beyond which only cells with twice as many objects are halved, and beyond which none
-is, to limit memory."""
-
-KEPT_FROM, KEPT_SECONDS, KEPT_BYTES = 1000, 0.5, 2 << 30
-"""Number of objects, and seconds of their build, from which cells are kept on disk; bytes of all cells there."""
-
-PAIRS = 1 << 15
-"""Pairs of a cell and an object that are evaluated at once."""
-
 CUT = 0.25
 """Values of a hard union are exact up to this fraction of the edge of a cell, at least. Measured: see docs/scale.md."""
 
 ROUNDING = 2.0**-20
 """Allowance for float32, relative to the largest coordinate: a point may count to the neighbouring cell."""
-
-CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)], np.int32)
-"""The children of a cell, in the order of their texels."""
 
 BRANCH = 0.0
 """In the second channel of a cell: its children begin at the index in the first channel. Above 0 it is the number of
@@ -126,56 +115,8 @@ class Cells:
         stack = int(np.ceil(np.log2(max(n, 2)))) + 1 if self.stack else 0
         return replace(self, depth=FINEST_LIVE, most=n, stack=stack, unbounded=(0, 0))
 
-    @property
-    def near(self) -> int:
-        """Number of cells with a list."""
-        return int(np.sum(self.texels[:, 1] > 0))
 
-
-@dataclass(slots=True)
-class _Level:
-    """Cells of one size: indices (n, 3), and the list of each, items[starts[i] : starts[i + 1]]."""
-
-    cells: Indices
-    starts: Whole
-    items: NDArray[np.int32]
-
-
-def build(rows: Rows, exact: float) -> Cells:
-    """The cells of some rows, from the cache on disk if their build took long before.
-
-    exact : distance to surfaces up to which the field must be exact.
-    """
-    builder = _Builder(rows, exact)
-    folder = cache.folder() if len(rows) >= KEPT_FROM and not rows.live else None
-    if folder is None:
-        return builder.run()
-    file = folder / "cells" / f"{builder.key}.npz"
-    stored = cache.load(file)
-    made = None if stored is None else _restored(stored)
-    if made is not None:
-        with suppress(OSError):
-            os.utime(file)  # it was used: see `cache.save`
-        return made
-    begin = time.perf_counter()
-    made = builder.run()
-    if time.perf_counter() - begin >= KEPT_SECONDS:
-        fault = cache.save(file, {f.name: getattr(made, f.name) for f in fields(Cells)}, limit=KEPT_BYTES)
-        if fault:
-            warn(f"the cells of {len(rows):,} objects are built again in each run: {fault}")
-    return made
-
-
-def _restored(stored: Mapping[str, NDArray[Any]]) -> Cells | None:
-    """Cells from the arrays of a file; None if some are missing."""
-    if not {f.name for f in fields(Cells)} <= stored.keys():
-        return None
-    plain = {name: a if a.ndim else a.item() for name, a in stored.items()}
-    low, high = plain["unbounded"].tolist()
-    return Cells(**plain | {"unbounded": (low, high)})
-
-
-class _Builder:
+class Builder:
     def __init__(self, rows: Rows, exact: float) -> None:
         self.rows = rows
         self.forms = rows.forms
@@ -246,20 +187,6 @@ class _Builder:
             self.order = np.concatenate([form.order for form in self.forms])
             self.ranked = np.argsort(self.order, kind="stable")
 
-    @property
-    def key(self) -> str:
-        """The content from which the cells are built, and the code that builds them."""
-        ((_, code),) = sources("plan/cells.py")
-        digest = hashlib.sha256(code)
-        digest.update(repr((self.rows.k, self.rows.family, self.need, np.__version__)).encode())
-        for form in self.forms:
-            digest.update("".join(line.text for line in print_functions([form.columns.field]).lines()).encode())
-            facts = (form.lower, form.upper, form.radius, form.spread, form.lipschitz, form.order)
-            for array in (*form.columns.values, *facts):
-                digest.update(repr((array.shape, form.exact)).encode())
-                digest.update(np.ascontiguousarray(array).data)
-        return digest.hexdigest()[:24]
-
     # Values
 
     def values(self, points: NDArray[Any], items: NDArray[np.integer], dtype: Any = np.float64) -> Array:
@@ -297,15 +224,25 @@ class _Builder:
     def run(self) -> Cells:
         halvings = max(0, int(np.ceil(np.log2(max(1, self.counts.max())))) - 1)
         items = self.ranked if self.blended else np.arange(len(self.rows))
-        level = _Level(np.zeros((1, 3), np.int32), np.array([0, len(items)]), items.astype(np.int32))  # one cell of all
+        level = Level(np.zeros((1, 3), np.int32), np.array([0, len(items)]), items.astype(np.int32))  # one cell of all
         texels = np.zeros((int(np.prod(self.counts)), 2), np.float32)
         for left in reversed(range(halvings + 1)):
             limit = np.ceil(self.counts / 2**left).astype(np.int64)
-            level, _, cells, _, value = self.divided(level, self.size * 2**left, limit, last=left == 0)
+            below, _, cells, _, value = self.divided(level, self.size * 2**left, limit, last=left == 0)
+            if left < halvings and crowded(below, level):
+                return self.coarser(left + 1).run()
+            level = below
             self.paint(texels, cells, value, left)
         grid_level = [level]
-        del level
+        del below, level
         return self.refined(texels, grid_level.pop())  # which frees it: its lists are long
+
+    def coarser(self, halvings: int) -> Builder:
+        """The same builder, of a grid whose cells are halved so many times less often."""
+        self.size *= 2**halvings
+        self.counts = np.ceil(self.counts / 2**halvings).astype(np.int64)
+        self.largest = float(np.max(np.abs([self.low, self.low + self.size * self.counts])))
+        return self
 
     def paint(self, texels: NDArray[np.float32], far: Indices, value: Array, left: int) -> None:
         """Store the bound of far cells in all cells of the grid that they cover."""
@@ -332,8 +269,8 @@ class _Builder:
         return cells[..., 0] + self.counts[0] * (cells[..., 1] + self.counts[1] * cells[..., 2])
 
     def divided(
-        self, level: _Level, size: float, limit: Whole | None, last: bool
-    ) -> tuple[_Level, Whole, Indices, Whole, Array]:
+        self, level: Level, size: float, limit: Whole | None, last: bool
+    ) -> tuple[Level, Whole, Indices, Whole, Array]:
         """The children of cells: the near ones, with shorter lists, and their numbers among all children; the far ones
         of the grid, their numbers, and a lower bound of the field at the centre of each. Those beyond the limit are
         neither.
@@ -346,7 +283,7 @@ class _Builder:
         count = 0
         # Objects that the parent does not list are at least so far from the centre of a child.
         unlisted = np.inf if self.blended else self.listed_to(2.0 * size, limit is None) - self.radius(size)
-        for part in _parts(level):
+        for part in parts(level):
             below = (2 * part.cells[:, None, :] + CORNERS).reshape(-1, 3)
             inside = np.ones(len(below), bool) if limit is None else np.all(below < limit, axis=1)
             centres = self.low + size * (below + 0.5)
@@ -366,14 +303,14 @@ class _Builder:
             if limit is not None:  # below the grid, their numbers are enough
                 far_cells.append(below[lonely])
             count += len(below)
-        starts = np.concatenate([[0], np.cumsum(_joined(lengths))]).astype(np.int64)
-        made = _Level(_joined(near_cells), starts, _joined(items))
-        return made, _joined(near), _joined(far_cells), _joined(far), _joined(values)
+        starts = np.concatenate([[0], np.cumsum(joined(lengths))]).astype(np.int64)
+        made = Level(joined(near_cells), starts, joined(items))
+        return made, joined(near), joined(far_cells), joined(far), joined(values)
 
-    def pruned(self, part: _Level, size: float, inside: NDArray[np.bool_]) -> tuple[Whole, NDArray[np.int32], Array]:
+    def pruned(self, part: Level, size: float, inside: NDArray[np.bool_]) -> tuple[Whole, NDArray[np.int32], Array]:
         """As `children`, for the operands of a blend."""
         counts = np.where(inside, np.repeat(np.diff(part.starts), 8), 0)
-        items = part.items[_ranges(np.repeat(part.starts[:-1], 8), counts, np.concatenate([[0], np.cumsum(counts)]))]
+        items = part.items[ranges(np.repeat(part.starts[:-1], 8), counts, np.concatenate([[0], np.cumsum(counts)]))]
         owner = np.repeat(np.arange(len(counts)), counts)
         centres = self.low + size * ((2 * part.cells[:, None, :] + CORNERS).reshape(-1, 3) + 0.5)
         kept, value = self.deciding(items, owner, self.values(centres[owner], items), self.radius(size))
@@ -381,7 +318,7 @@ class _Builder:
         floor[counts > 0] = value
         return np.bincount(owner[kept], minlength=len(counts)), items[kept], floor
 
-    def children(self, part: _Level, size: float, inside: NDArray[np.bool_]) -> tuple[Whole, NDArray[np.int32], Array]:
+    def children(self, part: Level, size: float, inside: NDArray[np.bool_]) -> tuple[Whole, NDArray[np.int32], Array]:
         """The lists of the eight children of cells by bounds from spheres: lengths, items, and a lower bound of the
         field at each centre.
 
@@ -476,7 +413,7 @@ class _Builder:
 
     # Refinement and storage
 
-    def refined(self, texels: NDArray[np.float32], level: _Level) -> Cells:
+    def refined(self, texels: NDArray[np.float32], level: Level) -> Cells:
         """Halve crowded cells, and store all lists."""
         place = self.index(level.cells)
         blocks: list[NDArray[np.float32]] = [texels]
@@ -484,13 +421,13 @@ class _Builder:
         total, depth, entries = len(texels), 0, len(level.items)
         while True:
             counts = np.diff(level.starts)
-            crowded = counts > (CROWDED if entries < MANY else 2 * CROWDED) << (depth + 2 * self.fine)
-            if depth == self.finest or not crowded.any() or total >= CELLS or entries >= ENTRIES:
+            too_many = counts > (CROWDED if entries < MANY else 2 * CROWDED) << (depth + 2 * self.fine)
+            if depth == self.finest or not too_many.any() or total >= CELLS or entries >= ENTRIES:
                 written.append((place, counts, level.items))
                 break
             depth += 1
-            parents = np.nonzero(crowded)[0]
-            crowd = _taken(level, parents)
+            parents = np.nonzero(too_many)[0]
+            crowd = taken(level, parents)
             near, near_at, _, far_at, value = self.divided(crowd, self.size * 0.5**depth, None, last=True)
             del crowd
             lengths = np.zeros(8 * len(parents), np.int64)
@@ -505,11 +442,11 @@ class _Builder:
             blocks.append(block[wins])
             del block, far_at, value, lengths
             at = total + np.cumsum(wins) - 1
-            _write(blocks[:-1], place[parents[gain]], np.stack([at[::8][gain], np.zeros(int(gain.sum()))], axis=1))
-            rest = _taken(level, np.nonzero(~split)[0])
+            write(blocks[:-1], place[parents[gain]], np.stack([at[::8][gain], np.zeros(int(gain.sum()))], axis=1))
+            rest = taken(level, np.nonzero(~split)[0])
             written.append((place[~split], np.diff(rest.starts), rest.items))
             chosen = np.nonzero(wins[near_at])[0]
-            level = _taken(near, chosen)
+            level = taken(near, chosen)
             place = at[near_at[chosen]]
             del near, rest
             total += int(wins.sum())
@@ -529,7 +466,7 @@ class _Builder:
             items[end - len(some) : end] = some
             end -= len(some)
         starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-        _write(blocks, places, np.stack([starts[:-1], counts], axis=1))
+        write(blocks, places, np.stack([starts[:-1], counts], axis=1))
         begins = starts[:-1][np.argsort(places)]
         merges, stack, unbounded = np.empty(0, np.uint8), 0, (len(items), 0)
         if self.blended:
@@ -538,7 +475,7 @@ class _Builder:
                 unbounded = len(items), len(others)
                 items, counts = np.concatenate([items, others.astype(np.int32)]), np.append(counts, len(others))
                 starts = np.append(starts, len(items))
-            merges, stack = self.program(starts, items)
+            merges, stack = folds(starts, items, self.order)
         return Cells(
             self.low,
             self.size,
@@ -558,82 +495,3 @@ class _Builder:
             self.need,
             float("inf") if self.blended else CUT + 0.5 * float(np.sqrt(3.0)),
         )
-
-    def program(self, starts: Whole, items: Indices) -> tuple[NDArray[np.uint8], int]:
-        """The folds after each entry: those nodes of the tree whose last operand it is; and the depth of the stack.
-
-        The operands i and i + 1 of a list meet at the level of the highest bit in which their ranks differ.
-        """
-        counts = np.diff(starts)
-        # A list may have millions of entries: ranks are below 2**31, and levels below 31.
-        rank = self.order.astype(np.int32)[items]
-        merges = np.zeros(len(items), np.uint8)
-        most = int(counts.max(initial=1))
-        # The open levels of a cell descend, so there are no more than bits in a rank.
-        open_levels = np.zeros((len(counts), int(self.order.max()).bit_length() + 2), np.int8)
-        height = np.zeros(len(counts), np.int8)
-        deepest = 1
-        for position in range(most):
-            cells = np.nonzero(counts > position)[0]
-            at = starts[cells] + position
-            last = counts[cells] == position + 1
-            following = np.minimum(at + 1, len(items) - 1)
-            level = np.where(last, np.iinfo(np.int8).max, _bits(rank[at] ^ rank[following])).astype(np.int8)
-            while True:
-                top = open_levels[cells, np.maximum(height[cells] - 1, 0)]
-                popping = (height[cells] > 0) & (top < level)
-                if not popping.any():
-                    break
-                merges[at[popping]] += 1
-                height[cells[popping]] -= 1
-            more = ~last
-            open_levels[cells[more], height[cells[more]]] = level[more]
-            height[cells[more]] += 1
-            deepest = max(deepest, int(height.max(initial=0)))
-        return merges, deepest
-
-
-def _bits(numbers: Whole) -> Whole:
-    """Number of bits of positive integers."""
-    return np.frexp(numbers.astype(np.float64))[1].astype(np.int64)
-
-
-def _ranges(starts: Whole, counts: Whole, firsts: Whole) -> Whole:
-    """The indices starts[i], ..., starts[i] + counts[i] - 1 for all i in order; firsts : running sum of the counts."""
-    return np.arange(firsts[-1]) + np.repeat(starts - firsts[:-1], counts)
-
-
-def _joined(parts: list[NDArray[Any]]) -> NDArray[Any]:
-    """The parts as one array; they are freed."""
-    made = np.concatenate(parts)
-    parts.clear()
-    return made
-
-
-def _taken(level: _Level, chosen: Whole) -> _Level:
-    """Some cells of a level, in ascending order."""
-    counts = np.diff(level.starts)
-    mine = np.zeros(len(counts), bool)
-    mine[chosen] = True
-    starts = np.concatenate([[0], np.cumsum(counts[chosen])]).astype(np.int64)
-    return _Level(level.cells[chosen], starts, level.items[np.repeat(mine, counts)])
-
-
-def _parts(level: _Level) -> Iterator[_Level]:
-    """The level in parts of a limited number of entries."""
-    first = 0
-    while first < len(level.cells):
-        last = int(np.searchsorted(level.starts, level.starts[first] + PAIRS, side="right")) - 1
-        last = min(max(last, first + 1), len(level.cells))
-        begin, end = level.starts[first], level.starts[last]
-        yield _Level(level.cells[first:last], level.starts[first : last + 1] - begin, level.items[begin:end])
-        first = last
-
-
-def _write(blocks: list[NDArray[np.float32]], places: Whole, values: Array) -> None:
-    """Write texels by their index in the concatenated blocks."""
-    first = 0
-    for block in blocks:
-        mine = (places >= first) & (places < first + len(block))
-        block[places[mine] - first] = values[mine]
-        first += len(block)

@@ -21,7 +21,9 @@ from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import all_of, clamp, dot, floor, length, normalize, where
 from raymarch.expr.walk import substitute
 from raymarch.plan.bounding import nearer, value_and_gradient
-from raymarch.plan.cells import PAIRS, Cells, build
+from raymarch.plan.cells import Cells
+from raymarch.plan.kept_cells import build
+from raymarch.plan.lists import PAIRS
 from raymarch.plan.narrow import narrow
 from raymarch.scene.light import Light
 from raymarch.scene.scene import Scene, all_nodes
@@ -42,6 +44,9 @@ With 20,000 objects a frame took 1.6 times as long with a bound of 8 turns as wi
 _KEPT = 4
 _built: OrderedDict[tuple[Rows, float], Located] = OrderedDict()
 """The cells that were built last, by content."""
+
+TOGETHER = 1000
+"""Objects of a cell from which they are doubted."""
 
 Carried: TypeAlias = Callable[[int, Expr, tuple[Expr, Expr], Sequence[Expr]], Sequence[Expr]]
 Mixed: TypeAlias = Callable[[Expr, Expr, Sequence[Expr], Sequence[Expr]], Sequence[Expr]]
@@ -119,6 +124,16 @@ def largest_size(scene: Scene) -> float:
     together with unbounded ones."""
     facts = [scene.subject] if scene.subject is not None else [node.facts for node in all_nodes(scene.node)]
     return max((float(np.linalg.norm(f.size)) for f in facts if f.bounded and not f.empty), default=0.0)
+
+
+def crowded(found: Sequence[Located]) -> list[Doubt]:
+    """Doubts about objects of which no cell tells apart more than `TOGETHER`."""
+    most = max((each.cells.most for each in found if not each.rows.live), default=0)
+    if most < TOGETHER:
+        return []
+    what = f"up to {most:,} objects nearly coincide, so that each evaluation there asks all of them"
+    cure = "leave out those that others hide, or blend less widely; software drivers end the loops of a pixel after "
+    return [Doubt("plan", what, cure + "65,535 turns")]
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from raymarch.expr.walk import find, free_variables
 from raymarch.plan import lights, marching, shading
 from raymarch.plan.device import DeviceClass, device_class
 from raymarch.plan.live_lights import LiveLights
-from raymarch.plan.objects import exact_distance, misread, reads_field
+from raymarch.plan.objects import crowded, exact_distance, misread, reads_field
 from raymarch.plan.passes import joining, with_cones
 from raymarch.plan.shading import Feature
 from raymarch.plan.stages import (
@@ -299,6 +299,7 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
                 found.append(Doubt("plan", what, where=node.where))
         found += moved_otherwise(scene.node)
         found += misread(scene)
+        found += crowded(self.located)
         found += [*self.without_effect, *range_doubts(self.view, self.origin, self.seen or self.field)]
         return list(dict.fromkeys(found))
 

@@ -197,15 +197,15 @@ def measure_arranged(name: str, n: int, k: float) -> dict[str, Any]:
 
 def asking_all() -> Any:
     """Brute force: the same shader with one cell whose list holds every object."""
-    from raymarch.plan import cells, objects
+    from raymarch.plan import cells, lists, objects
 
-    class Whole(cells._Builder):
+    class Whole(cells.Builder):
         def run(self) -> Any:
             ranks = self.ranked if self.blended else np.arange(len(self.rows))
             self.size = float(np.max(self.size * self.counts))
             self.low = self.low - self.size
             self.size, self.counts = 3.0 * self.size, np.ones(3, np.int64)
-            level = cells._Level(np.zeros((1, 3), np.int64), np.array([0, len(ranks)]), ranks.astype(np.int32))
+            level = lists.Level(np.zeros((1, 3), np.int64), np.array([0, len(ranks)]), ranks.astype(np.int32))
             self.finest = 0
             return self.refined(np.zeros((1, 2), np.float32), level)
 

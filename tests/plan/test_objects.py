@@ -13,7 +13,7 @@ import raymarch as rm
 from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.derivative import companion
 from raymarch.expr.operations import operations
-from raymarch.plan import cells, plan
+from raymarch.plan import cells, kept_cells, lists, plan
 from raymarch.plan.cells import CUT
 from raymarch.plan.explain import as_dict, show
 from raymarch.plan.gather import AS_DATA, gather
@@ -100,7 +100,7 @@ def test_memory_grows_as_the_objects_do_whatever_their_arrangement(name, k):
     tracemalloc.start()
     try:
         for rows in found:
-            cells.build(rows, 0.0)
+            kept_cells.build(rows, 0.0)
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
@@ -123,7 +123,7 @@ def test_groups_far_apart_have_grids_of_their_own(name, k):
     values = np.min([evaluator([field.body], field.params)(near)[0] for field in each], axis=0)
     np.testing.assert_allclose(values, node.distance(near), atol=2e-7 * np.abs(places).max(), rtol=0)
     if name == "two groups":
-        assert max(cells.build(rows, 0.0).most for rows in found.rows) < 100
+        assert max(kept_cells.build(rows, 0.0).most for rows in found.rows) < 100
     wide = rm.union(*balls, k=4e3)
     assert len(gather(wide, "data", 0.0).rows) == 1, "its operands blend across the gap"
     copies = gather(rm.instances(rm.sphere(RADIUS), places), "data", 0.0)
@@ -131,10 +131,28 @@ def test_groups_far_apart_have_grids_of_their_own(name, k):
     np.testing.assert_allclose(copies.node.distance(near), rm.union(*balls).distance(near), atol=1e-9)
 
 
+@pytest.mark.parametrize("k", [0.0, 0.05])
+def test_objects_that_nearly_coincide_share_large_cells(k, monkeypatch):
+    """No cell tells them apart, so finer cells would only repeat their list."""
+    monkeypatch.setattr(lists, "MANY", 4000)
+    places = 1e-3 * np.random.default_rng(5).normal(size=(300, 3))
+    node = rm.union(*[rm.sphere(1.0).translate(place) for place in places], k=k)
+    (rows,) = gather(node, "data", 0.0).rows
+    assert len(kept_cells.build(rows, 0.0).lists) < 60_000  # 7,000,000 and 160,000 without the rule
+    assert_same(node, points(1000, 1.5))
+
+
+def test_many_objects_in_one_cell_are_doubted():
+    node = rm.instances(rm.sphere(1.0), 1e-4 * np.random.default_rng(5).normal(size=(1500, 3)))
+    (doubt,) = plan(rm.Scene(node)).warnings
+    assert "objects nearly coincide" in doubt and "65,535" in doubt.cure
+    assert not plan(rm.Scene(rm.union(*objects(60)))).warnings
+
+
 def test_cells_are_not_smaller_than_rounding():
     """Far from the origin all objects around a point stay in doubt, so halving would only take memory."""
     (rows,) = gather(rm.union(*[ball.translate((1e6, 0, 0)) for ball in objects(60)]), "data", 0.0).rows
-    made = cells.build(rows, 0.0)
+    made = kept_cells.build(rows, 0.0)
     assert made.size >= 8.0 * cells.ROUNDING * 1e6 and len(made.texels) < 1000
 
 
@@ -238,29 +256,29 @@ def test_gradients_are_those_of_the_text():
 @pytest.mark.parametrize("k", [0.0, 0.2])
 def test_cells_are_kept_on_disk(tmp_path, monkeypatch, k):
     monkeypatch.setenv("RAYMARCH_CACHE", str(tmp_path))
-    monkeypatch.setattr(cells, "KEPT_FROM", 10)
-    monkeypatch.setattr(cells, "KEPT_SECONDS", 0.0)
+    monkeypatch.setattr(kept_cells, "KEPT_FROM", 10)
+    monkeypatch.setattr(kept_cells, "KEPT_SECONDS", 0.0)
     (rows,) = gather(rm.union(*objects(20), k=k), "data", 0.0).rows
-    first = cells.build(rows, 0.1)
+    first = kept_cells.build(rows, 0.1)
     (file,) = (tmp_path / "cells").iterdir()
     with monkeypatch.context() as patch:
-        patch.setattr(cells._Builder, "run", None)
-        same = cells.build(rows, 0.1)
+        patch.setattr(cells.Builder, "run", None)
+        same = kept_cells.build(rows, 0.1)
     for field in fields(first):
         assert np.array_equal(getattr(first, field.name), getattr(same, field.name)), field.name
     content = file.read_bytes()
     for spoiled in (b"", content[: len(content) // 2]):
         file.write_bytes(spoiled)
-        assert np.array_equal(cells.build(rows, 0.1).texels, first.texels) and file.read_bytes() == content
-    cells.build(rows, 0.2)
-    cells.build(gather(rm.union(*objects(20, seed=1), k=k), "data", 0.0).rows.popitem()[0], 0.1)
+        assert np.array_equal(kept_cells.build(rows, 0.1).texels, first.texels) and file.read_bytes() == content
+    kept_cells.build(rows, 0.2)
+    kept_cells.build(gather(rm.union(*objects(20, seed=1), k=k), "data", 0.0).rows.popitem()[0], 0.1)
     assert len(list((tmp_path / "cells").iterdir())) == 3
-    monkeypatch.setattr(cells, "KEPT_BYTES", 0)
-    cells.build(rows, 0.3)
+    monkeypatch.setattr(kept_cells, "KEPT_BYTES", 0)
+    kept_cells.build(rows, 0.3)
     assert len(list((tmp_path / "cells").iterdir())) == 1
     monkeypatch.setenv("RAYMARCH_CACHE", "/dev/null/nowhere")
     with pytest.warns(UserWarning, match="20 objects are built again in each run: cannot write '/dev/null/nowhere"):
-        cells.build(rows, 0.1)
+        kept_cells.build(rows, 0.1)
 
 
 # Which objects

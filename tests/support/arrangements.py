@@ -1,11 +1,11 @@
-"""Places of many objects that fill space unevenly: a line, a plane, a shell, clusters, two groups far apart."""
+"""Places of many objects that fill space unevenly: a line, a plane, a shell, clusters, far groups, one place."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-ARRANGEMENTS = ("line", "plane", "shell", "clusters", "one cluster", "two groups")
+ARRANGEMENTS = ("line", "plane", "shell", "clusters", "one cluster", "two groups", "one place")
 RADIUS = 0.01
 """A radius for spheres at these places: some overlap."""
 
@@ -26,6 +26,8 @@ def arranged(name: str, n: int, seed: int = 0) -> NDArray[np.float64]:
             return random.uniform(-10.0, 10.0, (20, 3))[numbers % 20] + 5.0 * RADIUS * normal
         case "one cluster":
             return normal * np.where(numbers < 10, 10.0, 0.1 * RADIUS)[:, None]
+        case "one place":
+            return 0.1 * RADIUS * normal
         case "two groups":
             return random.uniform(-1.0, 1.0, (n, 3)) + np.outer(numbers % 2, [1e6, 0.0, 0.0])
     raise ValueError(name)
