@@ -180,7 +180,9 @@ class Surface:
         """Normals perturbed by bump and normal maps, on the viewer's side where the origin lies in the solid."""
         normals = self.normals
         if any(material.relief for material in self.scene.materials):
-            normals = values_of(shading_normal, normals, -self.directions, self.material_values["bump_gradient"])
+            slopes = self.material_values["bump_gradient"]
+            bent = values_of(shading_normal, normals, -self.directions, slopes)
+            normals = np.where(np.any(slopes != 0.0, axis=-1)[..., None], bent, normals)
         return np.where(self._back_facing, -normals, normals) if self.inside else normals
 
     @property

@@ -89,3 +89,18 @@ def test_a_normal_on_the_far_side_is_turned(egl: Context) -> None:
     normals = np.stack([np.sqrt(1 - along**2), 0 * along, along], axis=1)
     found = run(egl, modules("light/visible_side"), "visible_side({0}, vec3(0.0, 0.0, 1.0))", [(VEC3, normals)], 3)
     np.testing.assert_array_equal(found, np.where(along[:, None] > 0.25, -normals, normals).astype(np.float32))
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_normal_without_relief_is_that_of_the_visible_side(egl: Context, side: float) -> None:
+    """Relief that is exactly flat leaves it as it is; any other asks the function that bends it."""
+    before = f"const float u_side = {side};\nvec3 shading_normal(vec3 n, vec3 v, vec3 g) {{ return v + 10.0 * g; }}\n"
+    text = modules("light/visible_side", "light/bent_normal", before=before)
+    along = np.array([-1.0, -0.2, 0.2, 0.3, 1.0])
+    normals = np.stack([np.sqrt(1 - along**2), 0 * along, along], axis=1)
+    flat, tilted = np.zeros_like(normals), np.broadcast_to((0.0, 1e-20, 0.0), normals.shape)
+    call = "bent_normal({0}, vec3(0.0, 0.0, 1.0), {1})"
+    seen = np.where(side * along[:, None] > 0.25, -normals, normals).astype(np.float32)
+    np.testing.assert_array_equal(run(egl, text, call, [(VEC3, normals), (VEC3, flat)], 3), seen)
+    bent = run(egl, text, call, [(VEC3, normals), (VEC3, tilted)], 3)
+    np.testing.assert_array_equal(bent[:, 2], -1.0)

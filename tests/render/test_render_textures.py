@@ -279,6 +279,22 @@ def test_a_picture_of_one_color_is_that_color_also_at_grazing_pixels(
     np.testing.assert_allclose(drawn(map_of(picture)), drawn((0.5, 0.5, 0.5)), atol=1e-3)
 
 
+@pytest.mark.parametrize("bounces", [0, 1])
+def test_relief_of_another_solid_bends_no_normal(bounces: int, renderer: Renderer) -> None:
+    def drawn(beside: rm.Material) -> Any:
+        ring = rm.torus(1, 0.4).rotate(0.5, "x").material(rm.Material(color="peru", roughness=0.3))
+        behind = rm.sphere(0.2).translate((0, 1, 9)).material(beside)
+        camera, lights = rm.Camera((0, 1.5, 4), (0, 0, 0)), [rm.Sun()]
+        made = rm.Scene(ring | rm.plane(offset=-0.5) | behind, camera, lights, bounces=bounces)
+        outputs = ("color", "shading_normal") if not bounces else ("color",)
+        return renderer.render(made, outputs=outputs)
+
+    plain, raised = drawn(rm.Material()), drawn(RAISED)
+    np.testing.assert_allclose(raised.color, plain.color, atol=1e-6)
+    if not bounces:
+        np.testing.assert_allclose(raised.shading_normal, plain.shading_normal, atol=1e-6)
+
+
 def test_a_normal_map_of_one_tilt_turns_the_shading_normal_by_that_tilt(renderer: Renderer) -> None:
     """The map's right is the x of the floor, its up is -z. What lights the floor makes no difference."""
     tilt = np.array([0.36, 0.48, 0.8])

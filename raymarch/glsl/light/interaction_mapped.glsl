@@ -15,7 +15,7 @@ Surface surface_interaction_mapped(Ray ray, Hit hit, float travelled) {
     Material material = material_at(inner, n, dpdx, dpdy);
 #ifdef RELIEF
     Relief relief = relief_at(inner, n, dpdx, dpdy);
-    vec3 normal = shading_normal(n, v, relief.bump_gradient);
+    vec3 normal = bent_normal(n, ray.direction, relief.bump_gradient);
     return Surface(p, u_side * normal, v, hit.t, material, relief.ambient_visibility, n, dpdx, dpdy, inner);
 #else
     return Surface(p, u_side * n, v, hit.t, material, 1.0, n, dpdx, dpdy, inner);

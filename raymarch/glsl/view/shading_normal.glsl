@@ -17,7 +17,8 @@ void main() {
 #endif
         vec3 dpdx = footprint_axis(n, v, width);
         vec3 dpdy = cross(n, dpdx) / max(abs(dot(n, v)), 1.0e-4);
-        found = shading_normal(n, v, relief_at(inner_point(p, n, hit, hit.t), n, dpdx, dpdy).bump_gradient);
+        vec3 slope = relief_at(inner_point(p, n, hit, hit.t), n, dpdx, dpdy).bump_gradient;
+        found = bent_normal(n, ray.direction, slope);
 #else
         found = u_side * visible_side(u_side * n, ray.direction);
 #endif
