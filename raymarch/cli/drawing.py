@@ -43,7 +43,7 @@ def draw_here(job: Job) -> None:
             for i, item in enumerate(job.items):
                 start = clock_time.perf_counter()
                 tell = partial(lambda before, share: progress(before + share), i)
-                item, made = runner.picture(item, job.at(i).params, tell)
+                item, made = runner.picture(item, job.at(i), tell)
                 if made is None:
                     if not job.large:
                         later(partial(errors.print, f"{item.file}  is already drawn"))

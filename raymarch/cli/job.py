@@ -66,23 +66,31 @@ class Job:
         return replace(self, items=tiles, shot=replace(self.shot, suffix=".png"))
 
     def at(self, index: int) -> Shot:
-        """The shot of an item."""
+        """The shot of an item, with the parameters of its neighbours."""
         if self.sweep is None:
             return self.shot
-        moved = self.sweep(index / max(1, len(self.items) - 1))
-        return replace(self.shot, params={**self.shot.params, **moved})
+        last, sweep = max(1, len(self.items) - 1), self.sweep
+        before, now, after = (
+            {**self.shot.params, **sweep(min(max(i, 0), last) / last)} for i in (index - 1, index, index + 1)
+        )
+        return replace(self.shot, params=now, neighbours=(before, after))
 
 
-def check_outputs(target: Path, view: str, alpha: bool, layers: bool) -> None:
+TRANSPARENT = (".png", ".webp", ".tif", ".tiff", ".exr")
+"""Suffixes of files with an alpha channel."""
+
+
+def check_outputs(target: Path, view: str, alpha: bool, layers: bool, mattes: bool) -> None:
     """CommandError for options that the file cannot hold."""
     suffix = target.suffix.lower()
     if alpha and view != "final":
         raise CommandError(f"--alpha with --view {view}", legal="the final picture")
-    if alpha and suffix not in (".png", ".webp", ".tif", ".tiff"):
-        raise CommandError(f"--alpha with the output '{target}'", legal="a file ending in .png, .webp, .tif or .tiff")
-    if layers and suffix != ".exr":
-        raise CommandError(f"--layers with the output '{target}'", legal="a file ending in .exr")
-    if (layers or suffix == ".npz") and view != "final":
+    if alpha and suffix not in TRANSPARENT:
+        raise CommandError(f"--alpha with the output '{target}'", legal=f"a file ending in {', '.join(TRANSPARENT)}")
+    for option in ("--layers",) * layers + ("--cryptomatte",) * mattes:
+        if suffix != ".exr":
+            raise CommandError(f"{option} with the output '{target}'", legal="a file ending in .exr")
+    if (layers or mattes or suffix == ".npz") and view != "final":
         raise CommandError(f"--view {view} with all arrays", legal="no --view")
 
 

@@ -32,6 +32,29 @@ from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
 from raymarch.scene.studio import staged
 
+OnCluster = Annotated[
+    str | None, typer.Option(metavar="tcp://HOST:PORT|local[:N]", help="Draw on the workers of a Dask cluster.")
+]
+Workers = Annotated[
+    str | None,
+    typer.Option(metavar="NAME=N", help="--cluster: use workers with this Dask resource, such as GPU=1."),
+]
+MixedDrivers = Annotated[
+    bool, typer.Option("--mixed-drivers", help="--cluster: accept workers whose drivers may differ in the last bit.")
+]
+SplitSamples = Annotated[
+    int | None,
+    typer.Option(metavar="N", min=1, help="--cluster: split the samples of a pixel into N tasks.", show_default="1"),
+]
+Batch = Annotated[
+    int | None,
+    typer.Option(metavar="N", min=1, help="--cluster: pictures of one task.", show_default="as many as take 0.2 s"),
+]
+TaskTimeout = Annotated[
+    float | None,
+    typer.Option(metavar="SECONDS", min=1, help="--cluster: end a worker whose task takes longer.", show_default="900"),
+]
+
 
 def run(
     scene: SceneFile,
@@ -73,7 +96,9 @@ def run(
     samples: Annotated[
         int | None, typer.Option(metavar="N", help="Rays per pixel, against aliasing and noise.")
     ] = None,
-    alpha: Annotated[bool, typer.Option("--alpha", help="Make the sky transparent, in .png, .webp or .tif.")] = False,
+    alpha: Annotated[
+        bool, typer.Option("--alpha", help="Make the sky transparent, in .png, .webp, .tif or .exr.")
+    ] = False,
     strict: Annotated[
         bool,
         typer.Option("--strict", help="If a picture may be wrong, write no file and exit with code 2 and the reason."),
@@ -85,36 +110,18 @@ def run(
         ),
     ] = False,
     layers: Annotated[
-        bool, typer.Option("--layers", help=".exr: also write depth, normals and the other arrays, as named layers.")
-    ] = False,
-    cluster: Annotated[
-        str | None,
-        typer.Option(metavar="tcp://HOST:PORT|local[:N]", help="Draw on the workers of a Dask cluster."),
-    ] = None,
-    workers: Annotated[
-        str | None,
-        typer.Option(metavar="NAME=N", help="--cluster: use workers with this Dask resource, such as GPU=1."),
-    ] = None,
-    mixed_drivers: Annotated[
         bool,
-        typer.Option("--mixed-drivers", help="--cluster: accept workers whose drivers may differ in the last bit."),
+        typer.Option("--layers", help=".exr: also write depth, normals, albedo, motion and all arrays, as layers."),
     ] = False,
-    split_samples: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N", min=1, help="--cluster: split the samples of a pixel into N tasks.", show_default="1"
-        ),
-    ] = None,
-    batch: Annotated[
-        int | None,
-        typer.Option(metavar="N", min=1, help="--cluster: pictures of one task.", show_default="as many as take 0.2 s"),
-    ] = None,
-    task_timeout: Annotated[
-        float | None,
-        typer.Option(
-            metavar="SECONDS", min=1, help="--cluster: end a worker whose task takes longer.", show_default="900"
-        ),
-    ] = None,
+    cryptomatte: Annotated[
+        bool, typer.Option("--cryptomatte", help=".exr: also write mattes of objects and materials by their names.")
+    ] = False,
+    cluster: OnCluster = None,
+    workers: Workers = None,
+    mixed_drivers: MixedDrivers = False,
+    split_samples: SplitSamples = None,
+    batch: Batch = None,
+    task_timeout: TaskTimeout = None,
     backend: Backend = "auto",
     device: Device = None,
 ) -> None:
@@ -128,10 +135,10 @@ def run(
     params, sweep = parse_sweeps(set_ or [])
     params = check_sweep(sweep, found, params, frames, cluster)
     target = output if output is not None else Path(scene.with_suffix(".png").name)
-    check_outputs(target, view, alpha, layers)
+    check_outputs(target, view, alpha, layers, cryptomatte)
     items = parse_items(target, time, frames, fps, extent)
-    suffix = target.suffix.lower()
-    shot = Shot(extent, ".png" if suffix in FILMS else suffix, params, view, outputs, alpha, layers, strict)
+    suffix = ".png" if target.suffix.lower() in FILMS else target.suffix.lower()
+    shot = Shot(extent, suffix, params, view, outputs, alpha, layers, cryptomatte, strict, fps)
     job = Job(found, target, items, shot, fps, frames is not None, choose, sweep, backend, device)
     if explain_time:
         explain_times(found, extent, items[0].time, params, backend, device)

@@ -200,7 +200,7 @@ def draw_item(source: Source, job: Job, item: Item, content: str | None) -> Done
                 spent = clock_time.perf_counter() - start
                 return Share(frame.milliseconds, spent, address(), doubts, frame.color, end - first)
             key, view = key_of(content, renderer.context.driver), view_of(frame, job.shot.view, scene)
-            made = _content(job.shot, encoder(job.shot, frame, view, key))
+            made = _content(job.shot, encoder(job.shot, renderer, scene, frame, view, key))
             return Done(frame.milliseconds, clock_time.perf_counter() - start, address(), doubts, made)
     except RaymarchError as fault:
         return Refused.by(fault)

@@ -336,14 +336,14 @@ class Runner:
     def picture(
         self,
         item: Item,
-        params: Mapping[str, ParamValue] | None = None,
+        shot: Shot | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> tuple[Item, Picture | None]:
         """An item with its file, and its picture; None if the file holds it.
 
-        params : values of parameters in place of those of the shot. Raises the errors of `draw`.
+        shot : with the parameters of this picture, if they change. Raises the errors of `draw`.
         """
-        shot = self.shot if params is None else replace(self.shot, params=params)
+        shot = shot or self.shot
         if self.renderer.size != item.size:
             self.renderer.resize(item.size)
         key = None
@@ -355,7 +355,7 @@ class Runner:
         frame, doubts = draw(self.renderer, self.scene, shot, item.time, item.part, progress)
         view = self._show(self.renderer, frame, shot.view, self.scene, shot.params, progress)
         view = replace(view, image=cache(view.image))
-        writer = encoder(shot, frame, view, key, draft=self._parts is not None)
+        writer = encoder(shot, self.renderer, self.scene, frame, view, key, draft=self._parts is not None)
         return item, Picture(frame.milliseconds, doubts, view, writer)
 
 

@@ -1,4 +1,4 @@
-"""Still pictures as files, and all arrays of a frame in one: NumPy's .npz, or OpenEXR with named layers.
+"""Still pictures as files, and all arrays of a frame in one: NumPy's .npz, or the layers of an OpenEXR file.
 
 Each PNG file holds a key of all that it shows, so a rerun draws only what is missing.
 """
@@ -18,6 +18,7 @@ from PIL import Image, PngImagePlugin, UnidentifiedImageError
 
 import raymarch
 from raymarch.errors import Doubt, RenderError
+from raymarch.export.layers import ARRAYS, layers_of
 from raymarch.expr.images import write_channels
 from raymarch.gpu.context import Driver
 from raymarch.gpu.frame import Frame
@@ -26,7 +27,7 @@ from raymarch.gpu.prepare import Prepared, Wanted, frame_uniforms
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.scale import with_bar
 from raymarch.gpu.views import light, picture, scale_of
-from raymarch.plan import OUTPUTS, lights
+from raymarch.plan import lights
 from raymarch.scene.parameter import ParamValue, set_values
 from raymarch.scene.scene import Scene
 
@@ -48,10 +49,6 @@ NUMBERS = (".exr", ".npz")
 """Suffixes of files with floating-point arrays."""
 
 
-ARRAYS = tuple(name for name in OUTPUTS if name not in ("slice", "cycles"))
-"""The arrays of a frame that every driver can draw, and that have no parameter."""
-
-
 @dataclass(frozen=True, slots=True)
 class Shot:
     """What the pictures of a film have in common: everything but the scene, the time and the part.
@@ -60,7 +57,10 @@ class Shot:
     suffix : of the file: one of `FORMATS` or `NUMBERS`.
     params : values of parameters by name.
     view : what is shown, and `outputs`, the arrays that it needs, see `raymarch.gpu.views.VIEWS`, or a `Slice`.
-    alpha : make the sky transparent. layers : all arrays, in an .exr. strict : refuse a picture that has doubts.
+    alpha : make the sky transparent. layers : all layers, in an .exr; mattes : those of names too.
+    strict : refuse a picture that has doubts.
+    fps : frames per second, for motion vectors. neighbours : parameters of the frames before and after this one;
+        None if they do not change.
     """
 
     size: tuple[int, int]
@@ -70,7 +70,10 @@ class Shot:
     outputs: tuple[Wanted, ...] = ("color",)
     alpha: bool = False
     layers: bool = False
+    mattes: bool = False
     strict: bool = False
+    fps: float = 30.0
+    neighbours: tuple[Mapping[str, ParamValue], Mapping[str, ParamValue]] | None = None
 
     @property
     def label(self) -> str:
@@ -178,21 +181,6 @@ def write_npz(file: Path, frame: Frame) -> None:
         np.savez_compressed(out, **arrays)  # type: ignore[arg-type]
 
 
-def write_layers(file: Path, frame: Frame) -> None:
-    """An OpenEXR file with linear colour in R, G, B, depth in Z, and the other arrays as layers, float32.
-
-    Raises SceneError without the package OpenEXR, and OSError if the file cannot be written.
-    """
-    channels = {"RGB": frame.color, "Z": frame.depth}
-    for name in ARRAYS:
-        if name in ("color", "depth"):
-            continue
-        values = frame.array(name)
-        vector = {f"{name}.{axis}": values[..., k] for k, axis in enumerate("XYZ")} if values.ndim == 3 else None
-        channels |= vector or {f"{name}.Y": values}
-    write_channels(file, channels)
-
-
 @dataclass(frozen=True, slots=True)
 class Writer:
     """A function that writes a picture to a file. before : what of it needs no file, for another thread; or None."""
@@ -218,20 +206,26 @@ def view_of(frame: Frame, view: str, scene: Scene) -> Shown:
     return Shown(lambda: drawn(frame, view, scene), lambda: light(frame, view, scene))
 
 
-def encoder(shot: Shot, frame: Frame, view: Shown, key: str | None, draft: bool = False) -> Writer:
+def encoder(
+    shot: Shot, renderer: Renderer, scene: Scene, frame: Frame, view: Shown, key: str | None, draft: bool = False
+) -> Writer:
     """What writes a frame to a file in the format of the shot's suffix, whatever the name of the file.
 
     All that it needs of the device is read now, so that it may run in another thread while the next frame is drawn.
     draft : the file is removed soon.
     """
-    if shot.suffix == ".npz" or shot.layers:
+    if shot.suffix == ".npz":
         for name in ARRAYS:
             frame.array(name)
-        write = write_npz if shot.suffix == ".npz" else write_layers
-        return Writer(lambda file: write(file, frame))
+        return Writer(lambda file: write_npz(file, frame))
+    if shot.suffix == ".exr" and (shot.layers or shot.mattes):
+        step, (before, after) = 1.0 / shot.fps, shot.neighbours or (shot.params, shot.params)
+        moments = (frame.time, shot.params), (frame.time - step, before), (frame.time + step, after)
+        channels, header = layers_of(renderer).of(frame, scene, *moments, shot.alpha, shot.layers, shot.mattes)
+        return Writer(lambda file: write_channels(file, channels, header))
     if shot.suffix == ".exr":
-        values = view.numbers()
-        return Writer(lambda file: write_channels(file, {"RGB": values}))
+        values = {"RGBA": frame.premultiplied()} if shot.alpha else {"RGB": view.numbers()}
+        return Writer(lambda file: write_channels(file, values))
     made = frame.image(alpha=True) if shot.alpha else view.image()
     data = cache(lambda: encoded(made, shot.suffix, key, draft))
     return Writer(lambda file: file.write_bytes(data()), data)

@@ -11,6 +11,7 @@ from contextlib import contextmanager, redirect_stdout
 from io import StringIO
 from os import PathLike, fspath
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -116,13 +117,19 @@ def _read_exr(what: str, path: Path, largest: int) -> NDArray[Any]:
         return np.stack(one, axis=-1)
 
 
-def write_channels(file: str | PathLike[str], channels: Mapping[str, NDArray[Any]]) -> None:
-    """Write arrays as the channels of a float32 OpenEXR file: (H, W), or (H, W, 3) for "RGB".
+def write_channels(
+    file: str | PathLike[str],
+    channels: Mapping[str, NDArray[Any]],
+    attributes: Mapping[str, Any] = MappingProxyType({}),
+) -> None:
+    """Write arrays as the channels of a float32 OpenEXR file: (H, W), or (H, W, 3) for "RGB" and (H, W, 4) for "RGBA".
+
+    attributes : of the header, by name: texts, numbers and float32 matrices.
 
     Raises SceneError without the package OpenEXR, and OSError if the file cannot be written.
     """
     OpenEXR = import_optional(f"'{file}'", "OpenEXR", "exr")
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **attributes}
     try:
         with OpenEXR.File(header, {n: np.ascontiguousarray(a, np.float32) for n, a in channels.items()}) as made:
             made.write(fspath(file))

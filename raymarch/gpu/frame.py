@@ -208,6 +208,25 @@ class Frame:
             self._arrays["alpha"], self._arrays["behind"] = self._transparency()
         return self._arrays["alpha"]
 
+    def premultiplied(self) -> NDArray[np.float32]:
+        """Linear colour without the sky, times coverage, and coverage, float32, (H, W, 4): premultiplied alpha.
+
+        Light that a post effect carries beyond the surfaces is as opaque as its brightest channel, at most 1.
+
+        Returns
+        -------
+        NDArray[float32]
+
+        Raises
+        ------
+        DeviceError : the renderer was closed before the array was drawn.
+        """
+        covered = np.clip(self.alpha, 0.0, 1.0)[..., None]
+        own = self.color - self._arrays["behind"]
+        if self.spread:  # light beyond the surfaces: as opaque as it is bright
+            covered = np.maximum(covered, np.clip(np.max(own, axis=-1, keepdims=True), 0.0, 1.0))
+        return np.concatenate([own, covered], axis=-1).astype(np.float32)
+
     def _pixels(self) -> NDArray[np.uint8] | None:
         """The picture as the device encodes it, see `Display.light`; None if it does not."""
         if self._encoded is None and "color" not in self._arrays:
@@ -255,10 +274,8 @@ class Frame:
         if not switch("image: alpha", alpha):
             pixels = self._pixels()
             return Image.fromarray(self.tone.image(self.color)) if pixels is None else image_of(pixels)
-        covered = np.clip(self.alpha, 0.0, 1.0)[..., None]
-        own = self.color - self._arrays["behind"]
-        if self.spread:  # light beyond the surfaces: as opaque as it is bright
-            covered = np.maximum(covered, np.clip(np.max(own, axis=-1, keepdims=True), 0.0, 1.0))
+        light = self.premultiplied()
+        own, covered = light[..., :3], light[..., 3:]
         surfaces = own / np.maximum(covered, 1.0 / 512.0)
         rgb = self.tone.image(np.maximum(surfaces, 0.0, dtype=np.float32) * (covered > 0.0))
         return Image.fromarray(np.concatenate([rgb, np.rint(255.0 * covered).astype(np.uint8)], axis=-1))

@@ -9,7 +9,7 @@ The function runs with the uniforms of the PREVIOUS frame. Twins of the paramete
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from raymarch.expr.derivative import directional_derivatives
 from raymarch.expr.function import Function, sum_of
@@ -17,7 +17,6 @@ from raymarch.expr.node import Expr, const, construct, make
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import cross, dot, length, where
 from raymarch.expr.walk import find, free_variables, rebuild, rewrite
-from raymarch.plan.hoisting import Hoisting
 from raymarch.scene.parameter import Spec
 from raymarch.scene.scene import Scene
 from raymarch.sdf.lower import PARTS, Lowering
@@ -38,8 +37,12 @@ def changes(scene: Scene) -> bool:
     return bool(find(scene.expressions(camera=False), "time", "param"))
 
 
-def motion_of(solid: Node, lowering: Lowering, hoist: Hoisting) -> tuple[Function, dict[str, Expr]]:
+def motion_of(
+    solid: Node, lowering: Lowering, hoist: Callable[[Function], Function] = lambda function: function
+) -> tuple[Function, dict[str, Expr]]:
     """`vec3 previous_position(vec3 p)`: where the point p of this frame was in the previous frame, by transforms alone.
+
+    hoist : replaces expressions of time alone, see `raymarch.plan.hoisting`.
 
     Also returns the leaf that each twin stands for, by the twin's name.
     """

@@ -99,12 +99,15 @@ class Pose:
     def place(self, point: NDArray[np.float64], size: tuple[int, int]) -> tuple[float, float] | None:
         """Column and row at which a picture of (width, height) shows a point, whole at the centres of pixels; the
         inverse of `rays`. None if the point is behind the camera."""
-        x, y, back = (np.asarray(point) - self.position) @ self.frame
+        column, row = self.places(np.asarray(point), size)
+        return None if np.isnan(column) else (float(column), float(row))
+
+    def places(self, points: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.float64]:
+        """As `place`, of points of shape (..., 3): (2, ...), nan behind the camera."""
+        x, y, back = np.moveaxis((points - self.position) @ self.frame, -1, 0)
         scale = (self.tan_half_fov if self.half_height is None else self.half_height) / size[1]
-        away = 1.0 if self.orthographic else -back
-        if away <= 0.0:
-            return None
-        return float((x / (away * scale) + size[0] - 1.0) / 2), float((size[1] - 1.0 - y / (away * scale)) / 2)
+        away = np.ones_like(back) if self.orthographic else np.where(back < 0.0, -back, np.nan)
+        return np.stack([(x / (away * scale) + size[0] - 1.0) / 2, (size[1] - 1.0 - y / (away * scale)) / 2])
 
     def pixel(self, height: int) -> float:
         """Width of a pixel of a picture of some height: at distance 1 along the axis, or of an orthographic camera at

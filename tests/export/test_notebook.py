@@ -74,7 +74,7 @@ def test_all_arrays_of_a_frame_in_one_file(tmp_path: Path, renderer: Renderer) -
         np.testing.assert_array_equal(arrays["camera_position"], frame.pose.position)
     with openexr.File(str(tmp_path / "all.exr"), separate_channels=True) as found:
         channels = found.channels()
-        np.testing.assert_array_equal(channels["Z"].pixels, frame.depth)
+        np.testing.assert_array_equal(channels["depth.Y"].pixels, frame.depth)
         np.testing.assert_array_equal(channels["normal.Y"].pixels, frame.normal[..., 1])
         np.testing.assert_array_equal(channels["G"].pixels, frame.color[..., 1])
         np.testing.assert_array_equal(channels["material.Y"].pixels, frame.material.astype(np.float32))
