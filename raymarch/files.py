@@ -119,6 +119,29 @@ def write(file: Path, writer: Callable[[Path], object], error: type[RaymarchErro
 
 
 @contextmanager
+def folders_of(file: Path, error: type[RaymarchError] = SceneError) -> Iterator[list[Path]]:
+    """A block that writes a file: the folders that it lacks are made, and are yielded.
+
+    Those that are empty are removed if the block fails. Raises `error` if a folder cannot be made.
+    """
+    made: list[Path] = []
+    try:
+        for folder in reversed([file.parent, *file.parent.parents]):
+            if not os.path.lexists(folder):
+                folder.mkdir()
+                made.append(folder)
+        yield made
+    except BaseException as fault:
+        for each in reversed(made):
+            with suppress(OSError):
+                each.rmdir()
+        if isinstance(fault, OSError) and fault.filename == os.fspath(folder):
+            what = f"cannot write '{file}': {fault.strerror}"
+            raise error(what, legal="a writable file in a writable folder") from None
+        raise
+
+
+@contextmanager
 def recorded() -> Iterator[dict[str, None]]:
     """The absolute paths of the files that are opened to be read in the block, in order; of a compiled module, its
     source. Also those that do not exist, and folders that became the working directory."""

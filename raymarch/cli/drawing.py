@@ -14,8 +14,9 @@ import typer
 from raymarch.cli.common import CommandError, errors
 from raymarch.cli.job import Job
 from raymarch.cli.progress import bar
+from raymarch.cli.report import Report
 from raymarch.cli.views import shown
-from raymarch.errors import RenderWarning
+from raymarch.errors import RenderError, RenderWarning
 from raymarch.export import behind
 from raymarch.export.sequence import Contents, Item, Parts, Picture, Runner, join_film, join_tiles
 from raymarch.export.stills import key_of
@@ -23,8 +24,8 @@ from raymarch.files import write
 from raymarch.gpu.renderer import Renderer
 
 
-def draw_here(job: Job) -> None:
-    """Draw the pictures, write their files, and report each on stderr. A film and a picture of tiles are joined."""
+def draw_here(job: Job, report: Report) -> None:
+    """Draw the pictures, write their files, and tell of each on stderr. A film and a picture of tiles are joined."""
     whole, joined = job, job.film or job.large
     if job.large:
         job = job.tiled()
@@ -39,17 +40,20 @@ def draw_here(job: Job) -> None:
         ):
             warnings.simplefilter("ignore", RenderWarning)  # printed below, one on each line
             scene = job.scene.replace(quality=job.choose(job.scene, renderer, job.items[0].time, job.shot.params))
-            runner = Runner(renderer, scene, job.shot, parts, shown, reuse=job.sequence or job.large)
+            reuse = job.sequence or job.large
+            runner = Runner(renderer, scene, job.shot, parts, shown, reuse, report.asked)
+            report.by(renderer)
             for i, item in enumerate(job.items):
                 start = clock_time.perf_counter()
                 tell = partial(lambda before, share: progress(before + share), i)
-                item, made = runner.picture(item, job.at(i), tell)
+                item, made = _drawn(job, runner, item, i, tell)
+                report.drawn(item, made, clock_time.perf_counter() - start)
                 if made is None:
                     if not job.large:
                         later(partial(errors.print, f"{item.file}  is already drawn"))
                 else:
                     end = partial(progress, i + 1) if job.large else partial(_report, item, made, renderer, start)
-                    later(partial(_save, item.file, made.writer, end), made.writer.before)
+                    later(partial(_save, item.file, made.writer, end, report), made.writer.before)
                 if add is not None:
                     add(item.file if made is None else made.view.image())
                 del made  # the next frame then reads no arrays of this one
@@ -60,6 +64,8 @@ def draw_here(job: Job) -> None:
             _report_joined(job.target, _length(len(job.items), job.fps), drawn_at, parts)
         elif parts is not None:
             join(job, parts.all(job.items), key, parts)
+        if joined:
+            report.files.append(job.target)
 
 
 def join(job: Job, items: Sequence[Item], key: str | None, parts: Parts) -> None:
@@ -79,8 +85,21 @@ def _length(count: int, fps: float) -> str:
     return f"{count} frames, {count / fps:g} s"
 
 
-def _save(file: Path, writer: Callable[[Path], None], tell_end: Callable[[], None]) -> None:
+def _drawn(
+    job: Job, runner: Runner, item: Item, number: int, tell: Callable[[float], None]
+) -> tuple[Item, Picture | None]:
+    """`Runner.picture`; an error of --strict names the frame."""
+    try:
+        return runner.picture(item, job.at(number), tell)
+    except RenderError as fault:
+        if not job.sequence:
+            raise
+        raise CommandError(f"{item.name}, at time {item.time:g}: {fault}") from None
+
+
+def _save(file: Path, writer: Callable[[Path], None], tell_end: Callable[[], None], report: Report) -> None:
     write(file, writer, CommandError)
+    report.files.append(file)
     tell_end()
 
 

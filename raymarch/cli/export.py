@@ -12,6 +12,7 @@ from raymarch.cli.common import CommandError, SceneFile, Settings, errors, parse
 from raymarch.cli.presets import Preset, with_preset
 from raymarch.cli.progress import bar
 from raymarch.export.forms import CELLS, GLSL, SUFFIXES, TEXTURES, export
+from raymarch.files import folders_of
 from raymarch.scene.file import load
 
 
@@ -41,7 +42,7 @@ def run(
 ) -> None:
     start, began = clock_time.perf_counter(), clock_time.time()
     found, params, corners = with_preset(load(scene), quality), parse_settings(set_ or []), parse_box(box)
-    with bar("exporting", 1.0) as progress:
+    with folders_of(output, CommandError), bar("exporting", 1.0) as progress:
         made = export(
             found,
             output,

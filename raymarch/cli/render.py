@@ -24,10 +24,12 @@ from raymarch.cli.common import (
 from raymarch.cli.drawing import draw_here, join
 from raymarch.cli.job import Job, check_measured, check_outputs, check_sweep, parse_items, parse_quality
 from raymarch.cli.presets import Preset
+from raymarch.cli.report import reported
 from raymarch.cli.views import CHOICES, check_view
 from raymarch.cluster.source import Source, of_file
 from raymarch.export.film import FILMS
 from raymarch.export.stills import Shot
+from raymarch.files import folders_of
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
 from raymarch.scene.studio import staged
@@ -116,6 +118,9 @@ def run(
     cryptomatte: Annotated[
         bool, typer.Option("--cryptomatte", help=".exr: also write mattes of objects and materials by their names.")
     ] = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON document: files, times, evaluations and doubts.")
+    ] = False,
     cluster: OnCluster = None,
     workers: Workers = None,
     mixed_drivers: MixedDrivers = False,
@@ -125,41 +130,46 @@ def run(
     backend: Backend = "auto",
     device: Device = None,
 ) -> None:
-    outputs = check_view(view, slice_)
-    extent, choose = parse_size(size), parse_quality(quality, error, within)
-    on_workers = parse_cluster(cluster, workers, mixed_drivers, split_samples, batch, task_timeout)
-    source, found = (None, load(scene)) if cluster is None else of_file(scene)  # read once: it may be a pipe
-    found = staged(found)
-    if samples is not None:  # before a quality is chosen by measurement
-        found = found.replace(quality=found.quality.replace(samples=samples))
-    params, sweep = parse_sweeps(set_ or [])
-    params = check_sweep(sweep, found, params, frames, cluster)
-    target = output if output is not None else Path(scene.with_suffix(".png").name)
-    check_outputs(target, view, alpha, layers, cryptomatte)
-    items = parse_items(target, time, frames, fps, extent)
-    suffix = ".png" if target.suffix.lower() in FILMS else target.suffix.lower()
-    shot = Shot(extent, suffix, params, view, outputs, alpha, layers, cryptomatte, strict, fps)
-    job = Job(found, target, items, shot, fps, frames is not None, choose, sweep, backend, device)
-    if explain_time:
-        explain_times(found, extent, items[0].time, params, backend, device)
-    check_measured(error, within, cluster is not None, job)
-    if cluster is None or source is None:
-        draw_here(job)
-    else:
-        if quality is not None:
-            job = replace(job, scene=found.replace(quality=found.quality.to_preset(quality)))
-        draw_there(job, source, cluster, on_workers)
+    with ExitStack() as stack:
+        report = stack.enter_context(reported(json))
+        outputs = check_view(view, slice_)
+        extent, choose = parse_size(size), parse_quality(quality, error, within)
+        on_workers = parse_cluster(cluster, json, workers, mixed_drivers, split_samples, batch, task_timeout)
+        source, found = (None, load(scene)) if cluster is None else of_file(scene)  # read once: it may be a pipe
+        found = staged(found)
+        if samples is not None:  # before a quality is chosen by measurement
+            found = found.replace(quality=found.quality.replace(samples=samples))
+        params, sweep = parse_sweeps(set_ or [])
+        params = check_sweep(sweep, found, params, frames, cluster)
+        target = output if output is not None else Path(scene.with_suffix(".png").name)
+        check_outputs(target, view, alpha, layers, cryptomatte)
+        items = parse_items(target, time, frames, fps, extent)
+        suffix = ".png" if target.suffix.lower() in FILMS else target.suffix.lower()
+        shot = Shot(extent, suffix, params, view, outputs, alpha, layers, cryptomatte, strict, fps)
+        job = Job(found, target, items, shot, fps, frames is not None, choose, sweep, backend, device)
+        if explain_time:
+            explain_times(found, extent, items[0].time, params, backend, device)
+        check_measured(error, within, cluster is not None, job)
+        report.folders = stack.enter_context(folders_of(target, CommandError))
+        if cluster is None or source is None:
+            draw_here(job, report)
+        else:
+            if quality is not None:
+                job = replace(job, scene=found.replace(quality=found.quality.to_preset(quality)))
+            draw_there(job, source, cluster, on_workers)
 
 
 def parse_cluster(
     cluster: str | None,
+    json: bool,
     workers: str | None,
     mixed_drivers: bool,
     split_samples: int | None,
     batch: int | None,
     task_timeout: float | None,
 ) -> dict[str, Any]:
-    """The options of a cluster that were given, by their names there. CommandError for one without --cluster."""
+    """The options of a cluster that were given, by their names there. CommandError for one without --cluster, and for
+    --json with it."""
     given = {
         "workers": workers,
         "split_samples": split_samples,
@@ -168,6 +178,8 @@ def parse_cluster(
         "mixed_drivers": mixed_drivers or None,
     }
     given = {name: value for name, value in given.items() if value is not None}
+    if cluster is not None and json:
+        raise CommandError("--json with --cluster", legal="one of them")
     if cluster is None and given:
         option = "--" + next(iter(given)).replace("_", "-")
         raise CommandError(f"{option} without --cluster", legal="--cluster tcp://HOST:PORT or local:N")

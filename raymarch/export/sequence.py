@@ -95,8 +95,6 @@ def frames_of(
         raise error(f"{option}: {len(numbers)} frames", legal=f"up to {MOST_FRAMES}; more in several files")
     if suffix in FILMS:
         check_film(target, size, fps)
-        if not target.parent.is_dir():
-            raise error(f"cannot write '{target}': no such folder", legal="a writable folder")
         folder = _parts_folder(target, "frames")
         return [Item(f"frame {i}", i / fps, folder / f"frame_{i:06d}.png", size) for i in numbers]
     if suffix == ".exr":
@@ -301,12 +299,14 @@ class Picture:
     """A picture that was drawn, ready to be written.
 
     doubts : reasons to doubt it. view : its image, which is made once, and lines to print.
+    evaluations : (H, W), of the primary rays, if they were asked for.
     """
 
     milliseconds: float
     doubts: Sequence[Doubt]
     view: Shown
     writer: Writer
+    evaluations: NDArray[np.float32] | None = None
 
 
 Show: TypeAlias = Callable[[Renderer, Frame, str, Scene, Mapping[str, Any], Callable[[float], None] | None], Shown]
@@ -317,7 +317,7 @@ class Runner:
     """Draws the pictures of a shot, one after another, by a renderer of this process.
 
     parts : name the files, if the pictures are parts of a film or of a picture. show : makes the view. reuse : whether
-    a file that holds a picture is kept.
+    a file that holds a picture is kept. counts : whether evaluations are asked for.
     """
 
     def __init__(
@@ -328,7 +328,9 @@ class Runner:
         parts: Parts | None = None,
         show: Show = lambda renderer, frame, view, scene, *_: view_of(frame, view, scene),
         reuse: bool = True,
+        counts: bool = False,
     ) -> None:
+        self._counts = counts
         self.renderer, self.scene, self.shot = renderer, scene, shot
         self._parts, self._show, self._reuse = parts, show, reuse
         self._contents = Contents(scene, shot, renderer)
@@ -356,7 +358,8 @@ class Runner:
         view = self._show(self.renderer, frame, shot.view, self.scene, shot.params, progress)
         view = replace(view, image=cache(view.image))
         writer = encoder(shot, self.renderer, self.scene, frame, view, key, draft=self._parts is not None)
-        return item, Picture(frame.milliseconds, doubts, view, writer)
+        counts = frame.evaluations if self._counts else None
+        return item, Picture(frame.milliseconds, doubts, view, writer, counts)
 
 
 def join_film(target: Path, items: Sequence[Item], fps: float, error: type[RaymarchError] = SceneError) -> None:

@@ -77,8 +77,8 @@ class Shot:
 
     @property
     def label(self) -> str:
-        """The part of the key that names the view."""
-        return f"{self.view} {self.alpha}"
+        """The part of the key that names the view. A strict run keeps no picture that was drawn without its checks."""
+        return f"{self.view} {self.alpha}{' strict' * self.strict}"
 
 
 def content_of(

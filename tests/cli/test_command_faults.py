@@ -167,7 +167,7 @@ def test_an_old_picture_is_replaced_and_links_to_it_keep_the_old_one(folder: Pat
 
 @pytest.mark.parametrize(
     ("output", "answer"),
-    [("no/such/a.png", "No such file"), ("hello.py/a.png", "Not a directory"), ("/proc/a.png", "/proc/a.png")],
+    [("hello.py/no/a.png", "Not a directory"), ("hello.py/a.png", "Not a directory"), ("/proc/a.png", "/proc/a.png")],
 )
 def test_a_folder_that_cannot_be_written(folder: Path, output: str, answer: str, capsys: Any) -> None:
     assert run("render", "hello.py", "-o", output, *SMALL) == 2
@@ -282,7 +282,7 @@ def endless_link(folder: Path) -> str:
 
 
 PLACES: list[Callable[[Path], str]] = [
-    folder_in_its_place, read_only_file, full_device, endless_link, lambda _: "no/a.png", lambda _: "hello.py/a.png",
+    folder_in_its_place, read_only_file, full_device, endless_link, lambda _: "hello.py/no/a.png", lambda _: "hello.py/a.png",
     lambda _: "a" * 252 + ".png", lambda _: "a" * 245 + ".gif",
 ]  # fmt: skip
 
