@@ -282,8 +282,8 @@ def endless_link(folder: Path) -> str:
 
 
 PLACES: list[Callable[[Path], str]] = [
-    folder_in_its_place, read_only_file, full_device, endless_link, lambda _: "hello.py/no/a.png", lambda _: "hello.py/a.png",
-    lambda _: "a" * 252 + ".png", lambda _: "a" * 245 + ".gif",
+    folder_in_its_place, read_only_file, full_device, endless_link, lambda _: "hello.py/no/a.png",
+    lambda _: "hello.py/a.png", lambda _: "a" * 252 + ".png", lambda _: "a" * 245 + ".gif",
 ]  # fmt: skip
 
 

@@ -305,7 +305,6 @@ BAD_CALLS = {
     "a slice at infinity": (["render", "hello.py", "--view", "slice", "--slice", "y=inf"], "--slice y=inf"),
     "unknown backend": (["render", "hello.py", "--backend", "x"], "'x'"),
     "a folder in a file": (["render", "hello.py", "-o", "hello.py/a.png"], "hello.py/a.png"),
-    "a report of a cluster": (["render", "hello.py", "--json", "--cluster", "local:1"], "--json with --cluster"),
     "no such format": (["render", "hello.py", "-o", "a.xyz"], "a.xyz"),
     "frames backwards": (["render", "hello.py", "-o", "a{}.png", "--frames", "5:2"], "5:2"),
     "a sweep of one picture": (["render", "hello.py", "--set", "radius=1:2"], "without --frames"),

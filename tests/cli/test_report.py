@@ -90,6 +90,11 @@ def test_strict_takes_no_frame_that_was_drawn_without_its_checks(folder: Path) -
     assert run(*arguments, "--strict") == 2
 
 
+def test_a_cluster_has_no_report(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run("render", "away.py", "--json", "--cluster", "local:1") == 2
+    assert document(capfd)["error"].startswith("--json with --cluster")
+
+
 @pytest.mark.parametrize("target", ["new/a.xyz", "new/a.png"])
 def test_a_command_that_fails_leaves_no_folder(target: str, folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert run("render", "away.py", "-o", target, "--time", "9", *SMALL, "--strict", "--json") == 2
