@@ -21,9 +21,9 @@ from raymarch.expr.texels import Texels
 from raymarch.expr.walk import find
 from raymarch.plan import Plan, lights, plan
 from raymarch.plan.gather import gather
-from raymarch.plan.objects import exact_distance
 from raymarch.scene.parameter import Spec, Values
 from raymarch.scene.quality import SINGLE_PASS
+from raymarch.scene.reading import exact_distance
 from raymarch.scene.scene import Scene, all_nodes, check_scene
 from raymarch.shader import Shader, assemble
 from raymarch.shader.standalone import FRAME

@@ -14,7 +14,6 @@ from raymarch.errors import Doubt
 from raymarch.expr.arrays import Remembered, bound
 from raymarch.expr.derivative import gradient, state_gradient
 from raymarch.expr.function import Function, loop
-from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, const, construct, expr, swizzle, var
 from raymarch.expr.tables import MOST, LiveTable, Table, fetch
 from raymarch.expr.types import FLOAT, VEC3
@@ -25,7 +24,7 @@ from raymarch.plan.cells import Cells
 from raymarch.plan.kept_cells import build
 from raymarch.plan.lists import PAIRS
 from raymarch.plan.narrow import narrow
-from raymarch.scene.light import Light
+from raymarch.scene.reading import exact_distance, read_as_distance, reads_field
 from raymarch.scene.scene import Scene, all_nodes
 from raymarch.scene.studio import in_studio
 from raymarch.sdf.advance import is_implicit
@@ -52,26 +51,6 @@ Carried: TypeAlias = Callable[[int, Expr, tuple[Expr, Expr], Sequence[Expr]], Se
 Mixed: TypeAlias = Callable[[Expr, Expr, Sequence[Expr], Sequence[Expr]], Sequence[Expr]]
 
 
-def exact_distance(scene: Scene) -> float:
-    """The distance to surfaces up to which effects read the field, so that it must be exact: ambient occlusion, and
-    shadows of lights that have a size. Infinite if the reach of ambient occlusion has no limit."""
-    found = [0.0]
-    occlusion = scene.ambient_occlusion
-    if occlusion is not None and occlusion.reach is not None:
-        found.append(float(interval_of(occlusion.reach)[1]))
-    size = largest_size(scene)
-    for light in scene.lights:
-        if reads_field(light):
-            wide = float(interval_of(light.softness)[1]) * (1.0 if light.has_position else size)
-            found.append(float(np.minimum(wide, size)))
-    return float(np.max(found))
-
-
-def reads_field(light: Light) -> bool:
-    """True if the penumbra of a light follows from values of the field."""
-    return light.soft and light.penumbra != "sampled"
-
-
 DISTANT = "Quality(integrator='path') or penumbra='sampled' does not read distances"
 
 
@@ -85,10 +64,11 @@ def misread(scene: Scene) -> list[Doubt]:
     if not effect:
         return _wide_paths(scene)
     found = [*_wide_paths(scene), *narrow(scene)]
-    if (node := flush_cut(scene.node)) is not None:
+    read = read_as_distance(scene, scene.node)
+    if (node := flush_cut(read)) is not None:
         what = f"{node.name} cuts flush with a face, where {effect} reads a membrane of no thickness that is not drawn"
         found.append(Doubt("plan", what, "a tool that reaches beyond the face", where=node.where))
-    elif (short := short_tool(scene.node, 0.5 * exact_distance(scene))) is not None:
+    elif (short := short_tool(read, 0.5 * exact_distance(scene))) is not None:
         what = (
             f"{short[0].name} ends {short[1]:.2g} beyond a face that it cuts, where {effect} reads the end of the tool"
         )
@@ -117,13 +97,6 @@ def _wide_paths(scene: Scene) -> list[Doubt]:
         return []
     what = f"Quality(epsilon={epsilon:g}) with bounces: light between thin solids is off by up to 10 %"
     return [Doubt("plan", what, "an epsilon below 1")]
-
-
-def largest_size(scene: Scene) -> float:
-    """The diagonal of the box around all bounded parts, or of the largest bounded part where parts are transformed
-    together with unbounded ones."""
-    facts = [scene.subject] if scene.subject is not None else [node.facts for node in all_nodes(scene.node)]
-    return max((float(np.linalg.norm(f.size)) for f in facts if f.bounded and not f.empty), default=0.0)
 
 
 def crowded(found: Sequence[Located]) -> list[Doubt]:

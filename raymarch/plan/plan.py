@@ -23,7 +23,7 @@ from raymarch.expr.walk import find, free_variables
 from raymarch.plan import lights, marching, shading
 from raymarch.plan.device import DeviceClass, device_class
 from raymarch.plan.live_lights import LiveLights
-from raymarch.plan.objects import crowded, exact_distance, misread, reads_field
+from raymarch.plan.objects import crowded, misread
 from raymarch.plan.passes import joining, with_cones
 from raymarch.plan.shading import Feature
 from raymarch.plan.stages import (
@@ -48,6 +48,7 @@ from raymarch.scene.origin import InReach, default_view, range_doubts
 from raymarch.scene.parameter import Spec
 from raymarch.scene.post import PostEffect
 from raymarch.scene.quality import CONTACT, Quality
+from raymarch.scene.reading import exact_distance, reads_field
 from raymarch.scene.scene import Scene, all_nodes, check_scene
 from raymarch.scene.tracer import OwnTracer
 from raymarch.sdf.advance import STRETCH

@@ -31,9 +31,10 @@ from raymarch.plan.live_lights import LiveLights
 from raymarch.plan.marching import Marching
 from raymarch.plan.materials import Materials, materials_of
 from raymarch.plan.motion import changes, motion_of
-from raymarch.plan.objects import Located, ObjectsInCells, exact_distance, reads_field
+from raymarch.plan.objects import Located, ObjectsInCells
 from raymarch.plan.passes import ATTACHMENTS, BEFORE, Pass, picture_passes, split_lights, with_cones
 from raymarch.scene.origin import DefaultView, default_view, origin_of, refuse_extent, seen_from
+from raymarch.scene.reading import exact_distance, read_as_distance, reads_field
 from raymarch.scene.scene import Scene
 from raymarch.sdf.advance import Advancing
 from raymarch.sdf.levels import over_slope, slope_to_correct
@@ -124,6 +125,9 @@ def relative(scene: Scene, live: LiveLights | None) -> tuple[DefaultView, NDArra
     seen = seen_from(scene, origin)
     if live is not None and live.kept:
         seen = seen.replace(lights=(*seen.lights, *live.kept))
+    read = read_as_distance(seen, seen.node)
+    if read is not seen.node:
+        seen = seen.replace(node=read)
     return view, origin, lights.with_discs(seen)
 
 

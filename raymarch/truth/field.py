@@ -20,6 +20,7 @@ from raymarch.expr.walk import depends_on, substitute, topological
 from raymarch.scene.ambient_occlusion import NORMAL, POINT
 from raymarch.scene.fields import FIELDS
 from raymarch.scene.parameter import Values
+from raymarch.scene.reading import read_as_distance
 from raymarch.scene.scene import Scene
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.facts import Facts
@@ -76,11 +77,11 @@ class Field:
 
     @cached_property
     def _undivided_root(self) -> Function:
-        least = self._least_slope
-        if not self._node.facts.divided and least == 1.0:
+        least, node = self._least_slope, read_as_distance(self._scene, self._node)
+        if not node.facts.divided and least == 1.0 and node is self._node:
             return self._root_of_rays
-        reading = over_slope(self._node) if least < 1.0 else None
-        return Lowering(rays=self._rays, distances=reading).field(self._node, undivided=True)
+        reading = over_slope(node) if least < 1.0 else None
+        return Lowering(rays=self._rays, distances=reading).field(node, undivided=True)
 
     @cached_property
     def _least_slope(self) -> float:

@@ -17,7 +17,8 @@ from raymarch.plan import cells, kept_cells, lists, plan
 from raymarch.plan.cells import CUT
 from raymarch.plan.explain import as_dict, show
 from raymarch.plan.gather import AS_DATA, gather
-from raymarch.plan.objects import ObjectsInCells, exact_distance, largest_size
+from raymarch.plan.objects import ObjectsInCells
+from raymarch.scene.reading import exact_distance, largest_size
 from raymarch.scene.scene import all_nodes
 from raymarch.sdf.blends import REACH
 from raymarch.sdf.labels import rows_of
