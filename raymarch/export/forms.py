@@ -75,6 +75,7 @@ def export(
         .glsl, .frag: one fragment shader, GLSL 330 core, with the scene's values as initial values of its uniforms.
             Textures that are too large for constants are arrays of a second file, which ends in .textures.npz. It
             replaces that of an earlier export, and no other file.
+        .gdshader, .hlsl, .js: that shader for Godot 4.4, for Direct3D, and as a module for three.js, without textures.
         .wgsl: the functions of the scene for WebGPU: field, gradient, materials, lights, BSDFs.
         .html: a page that draws the scene by WebGL 2, with a slider for each Param, and without a network.
         .stl, .obj, .ply, .glb: a closed triangle mesh; all but .stl with normals, vertex colours and shared vertices.

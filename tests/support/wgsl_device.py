@@ -36,6 +36,10 @@ class Device:
         """What a shader makes of vec4s, (N, 4), by groups of 64."""
         return self._pool.submit(_compute, code, given).result()
 
+    def draw(self, spirv: tuple[bytes, bytes], inputs: bytes, size: tuple[int, int]) -> NDArray[np.uint8]:
+        """The picture (H, W, 3) of a vertex and a pixel shader in SPIR-V. inputs : the content of their buffer."""
+        return self._pool.submit(_draw, spirv, inputs, size).result()
+
 
 @cache
 def _adapters() -> list[Any]:
@@ -66,3 +70,33 @@ def _compute(code: str, given: NDArray[np.float32]) -> NDArray[np.float32]:
 
     made = compute_with_buffers({0: given}, {1: (given.size, "f")}, code, n=len(given) // 64)
     return np.frombuffer(made[1], np.float32).reshape(-1, 4)
+
+
+def _draw(spirv: tuple[bytes, bytes], inputs: bytes, size: tuple[int, int]) -> NDArray[np.uint8]:
+    import wgpu
+
+    device, form = _device(), wgpu.TextureFormat.rgba8unorm
+    vertex, pixel = (device.create_shader_module(code=code) for code in spirv)
+    usage = wgpu.TextureUsage.RENDER_ATTACHMENT | wgpu.TextureUsage.COPY_SRC
+    target = device.create_texture(size=(*size, 1), format=form, usage=usage)
+    buffer = device.create_buffer_with_data(data=inputs, usage=wgpu.BufferUsage.UNIFORM)
+    kind = {"binding": 0, "visibility": wgpu.ShaderStage.FRAGMENT, "buffer": {"type": "uniform"}}
+    layout = device.create_bind_group_layout(entries=[kind])
+    bound = device.create_bind_group(layout=layout, entries=[{"binding": 0, "resource": {"buffer": buffer}}])
+    pipeline = device.create_render_pipeline(
+        layout=device.create_pipeline_layout(bind_group_layouts=[layout]),
+        vertex={"module": vertex, "entry_point": "full_screen"},
+        fragment={"module": pixel, "entry_point": "main", "targets": [{"format": form}]},
+        primitive={"topology": "triangle-list"},
+    )
+    encoder = device.create_command_encoder()
+    attached = {"view": target.create_view(), "load_op": "clear", "store_op": "store", "clear_value": (0, 0, 0, 0)}
+    drawing = encoder.begin_render_pass(color_attachments=[attached])
+    drawing.set_pipeline(pipeline)
+    drawing.set_bind_group(0, bound)
+    drawing.draw(3)
+    drawing.end()
+    device.queue.submit([encoder.finish()])
+    width, height = size
+    read = device.queue.read_texture({"texture": target}, {"bytes_per_row": 4 * width}, (width, height, 1))
+    return np.frombuffer(read, np.uint8).reshape(height, width, 4)[..., :3].copy()
