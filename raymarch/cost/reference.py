@@ -26,8 +26,8 @@ EDGE_WIDTHS = (0.25, 0.0625)
 MOST_AT_EDGES = 0.5
 """Fraction of the hits that may be silhouettes before a smaller edge distance is tried."""
 
-AT_ONCE = 500_000
-"""Rays of the picture that are traced together; this bounds the memory."""
+AT_ONCE = 1 << 16
+"""Rays of the picture that are traced together; this bounds the memory, and how long nothing is said."""
 
 Progress = Callable[[str], None]
 
@@ -131,8 +131,11 @@ def _compute(scene: Scene, size: Any, values: Values, edge: int, progress: Progr
     color = known.color if edge else np.zeros((height, width, 3))
     picture, spread, half = color, np.zeros(known.depth.shape), color
     if edge > 1:
-        progress(f"reference: the picture from {edge * edge} rays per pixel")
-        picture, spread, half = _averaged(scene, pose, values, (width, height), edge)
+        what = f"reference: the picture from {edge * edge} rays per pixel"
+        progress(what)
+        picture, spread, half = _averaged(
+            scene, pose, values, (width, height), edge, lambda share: progress(f"{what}, {share:.0%}")
+        )
     edges, edge_width = _edges(scene, known, time, params, progress)
     floor = np.full(known.depth.shape, -1, np.int64)
     if edge and scene.node.exactness != "estimate":
@@ -171,14 +174,16 @@ def _edges(scene: Scene, known: Truth, time: float, params: Any, progress: Progr
     return edges, width
 
 
-def _averaged(scene: Scene, pose: Pose, values: Values, size: tuple[int, int], edge: int) -> tuple[Any, Any, Any]:
+def _averaged(
+    scene: Scene, pose: Pose, values: Values, size: tuple[int, int], edge: int, done: Callable[[float], None]
+) -> tuple[Any, Any, Any]:
     """Mean, standard error, and mean of one half, over a grid of `edge` x `edge` rays in each pixel.
 
     The half is every other ray, as on a chessboard; the larger half of an odd number.
     """
     width, height = size
     if pose.aperture > 0.0 or scene.motion_blur:
-        return _averaged_over_lens_and_time(scene, values, size, edge * edge)
+        return _averaged_over_lens_and_time(scene, values, size, edge * edge, done)
     black = np.indices((edge, edge)).sum(axis=0).ravel() % 2 == 0
     picture, half, spread = np.empty((height, width, 3)), np.empty((height, width, 3)), np.empty((height, width))
     band = max(1, AT_ONCE // (width * edge * edge))
@@ -190,10 +195,13 @@ def _averaged(scene: Scene, pose: Pose, values: Values, size: tuple[int, int], e
         part = slice(top, top + band)
         picture[part], half[part] = cells.mean(axis=2), cells[:, :, black].mean(axis=2)
         spread[part] = cells.std(axis=2, ddof=1).max(axis=-1) / edge
+        done(min(top + band, height) / height)
     return finished(scene, values, picture), spread, finished(scene, values, half)
 
 
-def _averaged_over_lens_and_time(scene: Scene, values: Values, size: tuple[int, int], count: int) -> tuple[Any, ...]:
+def _averaged_over_lens_and_time(
+    scene: Scene, values: Values, size: tuple[int, int], count: int, done: Callable[[float], None]
+) -> tuple[Any, ...]:
     """As `_averaged`, where each ray of a pixel has a point of the pixel, of the lens, and of the open shutter.
 
     Each of the three is stratified. Every pixel turns the points of the lens by an angle of its own: else all pixels
@@ -226,6 +234,7 @@ def _averaged_over_lens_and_time(scene: Scene, values: Values, size: tuple[int, 
         total, squares = total + color, squares + color**2
         if black[k]:
             first += color
+        done((k + 1) / count)
     variance = np.maximum(squares - total**2 / count, 0.0) / (count - 1)
     pictures = (finished(scene, values, v.reshape(height, width, 3)) for v in (total / count, first / black.sum()))
     return next(pictures), np.sqrt(variance / count).max(axis=1).reshape(height, width), next(pictures)

@@ -50,6 +50,15 @@ def test_the_half_is_every_other_ray(scene, known, fine, monkeypatch):
         assert np.array_equal(getattr(bands, name), getattr(known, name)), name
 
 
+def test_how_much_of_the_picture_is_done_is_said(scene, monkeypatch):
+    monkeypatch.setenv(VARIABLE, "")
+    monkeypatch.setattr(reference_module, "AT_ONCE", SIZE[0] * 4 * SIZE[1] // 2)
+    told = []
+    reference(scene, SIZE, samples=4, progress=told.append)
+    shares = [text.rpartition(", ")[2] for text in told if text.endswith("%")]
+    assert shares[0] == "50%" and shares[-1] == "100%"
+
+
 def test_where_nearly_all_is_silhouettes_nearer_ones_count(known):
     assert known.edge_width == 1.0
     lattice = rm.Scene(rm.gyroid() & rm.sphere(2))
