@@ -377,20 +377,18 @@ def meet(parts: list[Part], rays: Rays, own: NDArray[np.int64] | None = None) ->
     """The first hits of rays. own : the part that a ray starts on, -1 for none."""
     n = len(rays.start)
     met = Met(np.full(n, math.inf), np.full(n, -1), np.zeros(n, bool))
+    passed = np.zeros(n, bool)
     for i, part in enumerate(parts):
         if part.kind == "none":
             continue
         left = None if own is None else own == i
         found = {"plane": _meet_plane, "sphere": _meet_sphere, "any": _meet_any}[part.kind](part, rays, left)
-        # what is behind another hit does not matter
-        met.close = np.where(
-            found.t < met.t,
-            found.close | (met.close & ~np.isfinite(met.t)),
-            met.close | found.close & ~np.isfinite(found.t),
-        )
         nearer = found.t < met.t
+        passed |= found.close & ~np.isfinite(found.t)
+        met.close = np.where(nearer, found.close, met.close)  # what is behind another hit does not matter
         met.t = np.where(nearer, found.t, met.t)
         met.part = np.where(nearer, i, met.part)
+    met.close |= passed
     return met
 
 
@@ -400,11 +398,14 @@ def _meet_plane(part: Part, rays: Rays, left: Any) -> Met:
     with np.errstate(divide="ignore", invalid="ignore"):
         t = -above / fall
         hit = (fall < 0.0) & (t > rays.start) & (t < rays.end)
+        begins = above + rays.start * fall
+        t, hit = np.where(begins < 0.0, rays.start, t), hit | (begins < 0.0)  # a ray that starts inside ends there
         last = np.minimum(rays.end, FAR * np.abs(above))
         low = above + last * fall
     if left is not None:
         hit &= ~left
     close = np.abs(low) < rays.width(np.where(np.isfinite(last), last, 0.0))
+    close |= np.abs(begins) < rays.width(rays.start)
     if left is not None:
         close &= ~left
     return Met(np.where(hit, t, math.inf), np.zeros(len(t), int), close)
@@ -416,8 +417,8 @@ def _meet_sphere(part: Part, rays: Rays, left: Any) -> Met:
     beside = np.linalg.norm(away - along[:, None] * rays.direction, axis=1)
     half = np.sqrt(np.maximum((part.radius - beside) * (part.radius + beside), 0.0))
     first, second = -along - half, -along + half
-    t = np.where(first > rays.start, first, second)
-    hit = (beside < part.radius) & (t > rays.start) & (t < rays.end)
+    t = np.where(first > rays.start, first, np.where(second > rays.start, rays.start, second))
+    hit = (beside < part.radius) & (second > rays.start) & (t < rays.end)
     passed = np.clip(-along, rays.start, rays.end)
     close = np.abs(np.linalg.norm(rays.at(passed) - part.centre, axis=1) - part.radius) < rays.width(passed)
     if left is not None:

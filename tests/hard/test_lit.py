@@ -177,3 +177,17 @@ def test_random_lit_scenes_are_as_the_judge_says(court: Court, block: int) -> No
     found = [look(court, seed) for seed in range(1 + block * each, 1 + (block + 1) * each)]
     reports = [str(report) for report in found if report is not None]
     assert not reports, "\n".join(reports)
+
+
+@pytest.mark.parametrize("seed", [100, 212])
+def test_scenes_that_the_judge_once_read_otherwise(court: Court, seed: int) -> None:
+    """A mirror inside of a solid that only the camera does not see; an edge that a ray nearly misses, before a floor."""
+    report = look(court, seed, lambda kind: False)
+    assert report is None, str(report)
+
+
+def test_a_ray_that_starts_inside_ends_at_once_in_all_solids() -> None:
+    rays = rays_to(np.array([(0.3, 5.0, 0.1)]), (0.0, -0.2, 0.0))
+    for tree in (("plane", (0.0, 1.0, 0.0), 0.0), ("sphere", 1.0), ("box", (2.0, 2.0, 2.0))):
+        met = meet(parts_of([tree]), rays)
+        assert met.t[0] == pytest.approx(0.0, abs=1e-9), tree
