@@ -76,6 +76,8 @@ _MODULES = {
 attach(
     {
         "render": "raymarch.gpu:render",
+        "raycast": "raymarch.truth.raycast:raycast",
+        "material_at": "raymarch.truth.raycast:material_at",
         "png": "raymarch.export.notebook:png",
         "for_error": "raymarch.cost:for_error",
         "for_time": "raymarch.cost:for_time",

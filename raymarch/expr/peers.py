@@ -129,7 +129,8 @@ FUNCTIONS = _keys(
 
 METHODS = _keys(
     {
-        "raycast castray": "rm.raycast(node, origins, directions), a function",
+        "castray intersectray": "raycast(origins, directions)",
+        "materialof colorat": "material_at(points)",
         "loft": "extrude_to(other, height), of a flat shape",
         "hull convexhull": "offset(distance) for the sum with a ball; there is no convex hull",
         "implicit": "rm.implicit(function, bounds), a function",

@@ -20,7 +20,7 @@ from raymarch.sdf.same import Same, same
 
 if TYPE_CHECKING:
     from raymarch.expr.function import Function
-    from raymarch.sdf import affine, booleans, copies, deform, heights, noise, placing, profiles, repetition
+    from raymarch.sdf import affine, booleans, copies, deform, heights, noise, placing, profiles, queries, repetition
     from raymarch.sdf.definition import Definition
     from raymarch.sdf.domain import Scalar, Vector
 
@@ -232,7 +232,7 @@ class Node:
         displace_by_image, extrude_to = heights.displace_by_image, profiles.extrude_to
         repeat, polar = repetition.repeat, copies.polar
         repeat_mirrored, repeat_interval = copies.repeat_mirrored, copies.repeat_interval
-        material = placing.material
+        material, raycast, material_at = placing.material, queries.raycast, queries.material_at
 
     # Methods of operators, whose types a decorator derives
 

@@ -125,6 +125,21 @@ def raycast(
     return Hits(distance, position, normal, material, gap)
 
 
+def material_at(
+    scene: Scene | Node, points: ArrayLike, time: float = 0.0, params: Mapping[str, ParamValue] | None = None
+) -> NDArray[np.int64]:
+    """The material with the largest weight at points: indices into `scene.materials`; see `Node.material_at`."""
+    made = as_scene("material_at", scene)
+    values = set_values(made.parameters, params, time)
+    warn_of_values(made.node, values.params, values.time)
+    at, field = _vectors("material_at: points", points), field_of(made, values)
+    found = np.zeros(len(at), np.int64)
+    for first in range(0, len(at), AT_ONCE):
+        part = slice(first, first + AT_ONCE)
+        found[part] = np.argmax(field.material_weights(at[part]), axis=1)
+    return found.reshape(np.shape(points)[:-1])
+
+
 def _vectors(what: str, given: ArrayLike) -> NDArray[np.float64]:
     found = numbers(what, given, "(N, 3) or (3,)")
     if found.ndim not in (1, 2) or found.shape[-1] != 3:
