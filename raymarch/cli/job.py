@@ -110,6 +110,8 @@ def check_sweep(
 def parse_items(target: Path, time: float | None, frames: str | None, fps: float, size: tuple[int, int]) -> list[Item]:
     """The pictures of --time or --frames."""
     check_suffix(target, CommandError)
+    if not 0 < fps < float("inf"):
+        raise CommandError(f"--fps {fps}", legal="a number > 0")
     if frames is None:
         if target.suffix.lower() in FILMS:
             raise CommandError(f"a film '{target}' without --frames", legal="--frames A:B, such as 0:90")
@@ -121,8 +123,6 @@ def parse_items(target: Path, time: float | None, frames: str | None, fps: float
     first, colon, last = frames.partition(":")
     if not colon or not first.isdecimal() or not last.isdecimal() or int(first) >= int(last):
         raise CommandError(f"--frames {frames}", legal="A:B with 0 <= A < B, such as 0:90")
-    if not 0 < fps < float("inf"):
-        raise CommandError(f"--fps {fps}", legal="a number > 0")
     return frames_of(target, range(int(first), int(last)), fps, size, "--frames", CommandError)
 
 

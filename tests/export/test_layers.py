@@ -208,9 +208,11 @@ def test_options_of_layers_need_an_exr(tmp_path: Path, capsys: pytest.CaptureFix
     for option in ("--layers", "--cryptomatte"):
         assert run("render", str(tmp_path / "scene.py"), "-o", str(tmp_path / "a.png"), option) == 2
         assert f"{option} with the output" in capsys.readouterr().err
-    assert (
-        run("render", str(tmp_path / "scene.py"), "-o", str(tmp_path / "a.exr"), "--cryptomatte", "--view=depth") == 2
-    )
+    target = str(tmp_path / "a.exr")
+    assert run("render", str(tmp_path / "scene.py"), "-o", target, "--cryptomatte", "--view=depth") == 2
+    assert "--view depth with all arrays" in capsys.readouterr().err
+    assert run("render", str(tmp_path / "scene.py"), "-o", target, "--layers", "--fps", "0") == 2
+    assert "--fps 0.0 (a number > 0)" in capsys.readouterr().err
 
 
 def test_instances_and_shared_parts_have_names(tmp_path: Path) -> None:
@@ -226,3 +228,29 @@ scene = rm.Scene(pins | balls, camera=rm.Camera((0, 0, 5), (0, 0, 0)))
     objects = decoded(*channels(tmp_path, text, "--cryptomatte"), "crypto_object")
     assert set(objects) == {"pins", "balls"} or set(objects) == {"pin", "balls"}
     assert all(cover.sum() > 20 for cover in objects.values())
+
+
+def test_all_that_a_scene_may_have_beside_its_mattes(tmp_path: Path) -> None:
+    """A lens, clip planes, earlier frames, post effects; names of other alphabets; cut parts and materials of rows."""
+    text = """
+import raymarch as rm
+
+ボール = rm.sphere(0.7).translate((-1, 0, 0))
+mats = [rm.Material(color=c) for c in ("red", "green", "blue")]
+pins = rm.instances(rm.cylinder(0.1, 0.6), [(x, -0.9, 0) for x in (-1, 0, 1)], materials=mats)
+cut = rm.box(0.8).material(rm.Material(color="gold")) - rm.sphere(0.5).material(rm.Material(color="navy"))
+scene = rm.Scene(
+    ボール | pins | cut.translate((1, 0, 0)).twist(0.4),
+    camera=rm.Camera((0, 0, 5), (0, 0, 0), aperture=0.05, near=1, far=20),
+    quality=rm.Quality(samples=4, temporal="accumulate"),
+    post=[rm.Bloom(0.2)],
+)
+"""
+    found, header = channels(tmp_path, text, "--cryptomatte", "--layers", "--alpha")
+    objects = decoded(found, header, "crypto_object")
+    assert set(objects) == {"ボール", "pins", "cut"} and all(cover.sum() > 10 for cover in objects.values())
+    materials = decoded(found, header, "crypto_material")
+    assert set(materials) == {"default", "mats", "mats.2", "mats.3", "cut", "cut.2"}
+    assert all(cover.sum() > 5 for cover in materials.values())
+    np.testing.assert_allclose(materials["cut"] + materials["cut.2"], objects["cut"], atol=1e-6)
+    assert not any(np.isnan(values).any() for values in found.values())
