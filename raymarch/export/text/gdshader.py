@@ -104,7 +104,7 @@ def _threaded(part: Declared, own: Mapping[str, str], passing: set[str]) -> list
 
 
 def _main(made: Translated, variables: Sequence[Declared]) -> str:
-    lines = [f"{STATE}.{part.name} {''.join(part.body).strip()}" for part in variables if "=" in part.words]
+    lines = [f"{STATE}.{part.name} {''.join(part.initial).strip()}" for part in variables if "=" in part.words]
     lines.append(f"{STATE}.u_resolution = rect_size.x > 0.0 ? rect_size : 1.0 / SCREEN_PIXEL_SIZE;")
     lines.append(f"vec2 pixel = vec2(UV.x, 1.0 - UV.y) * {STATE}.u_resolution;")
     lines += [f"{STATE}.{PIXEL} = pixel;"] if any(part.name == PIXEL for part in variables) else []
