@@ -15,10 +15,11 @@ from raymarch.expr.function import Function
 from raymarch.expr.operations import operations as count_operations
 from raymarch.expr.operations import reads as count_reads
 from raymarch.scene.quality import Quality
+from raymarch.scene.reading import passes_zeros
 from raymarch.scene.scene import Scene
 from raymarch.scene.tracer import OwnTracer
 from raymarch.sdf.advance import DEEPEST, OnlyDistance, implicit_nodes, readable, steepest_slopes
-from raymarch.sdf.levels import flatness_by_facts, has_levels, may_touch
+from raymarch.sdf.levels import flatness_by_facts, has_levels
 
 MODULES = {"relaxed_again": "relaxed", "advance": "bracketing"}
 """Tracers whose module has a different name."""
@@ -188,8 +189,9 @@ def refined(scene: Scene) -> bool:
 
 
 def cut(scene: Scene) -> bool:
-    """True if a hit needs a sample inside the solid, because a cut may leave a membrane of no thickness."""
-    return scene.quality.refinement == "proven" and refined(scene) and may_touch(scene.node)
+    """True if a hit needs a sample beyond the surface: a cut, or glass solids that touch, may leave a membrane of no
+    thickness."""
+    return scene.quality.refinement == "proven" and refined(scene) and passes_zeros(scene, scene.node)
 
 
 def clipped(scene: Scene) -> bool:

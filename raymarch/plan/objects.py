@@ -24,7 +24,7 @@ from raymarch.plan.cells import Cells
 from raymarch.plan.kept_cells import build
 from raymarch.plan.lists import PAIRS
 from raymarch.plan.narrow import narrow
-from raymarch.scene.reading import exact_distance, read_as_distance, reads_field
+from raymarch.scene.reading import exact_distance, read_as_distance, reads_field, touching_glass
 from raymarch.scene.scene import Scene, all_nodes
 from raymarch.scene.studio import in_studio
 from raymarch.sdf.advance import is_implicit
@@ -61,9 +61,10 @@ def misread(scene: Scene) -> list[Doubt]:
     effect = "AmbientOcclusion" if scene.occlusion is not None else ""
     if any(map(reads_field, scene.lights)):
         effect = effect or "a penumbra"
+    found = [*_wide_paths(scene), *_glass_faces(scene)]
     if not effect:
-        return _wide_paths(scene)
-    found = [*_wide_paths(scene), *narrow(scene)]
+        return found
+    found += narrow(scene)
     read = read_as_distance(scene, scene.node)
     if (node := flush_cut(read)) is not None:
         what = f"{node.name} cuts flush with a face, where {effect} reads a membrane of no thickness that is not drawn"
@@ -88,6 +89,14 @@ def misread(scene: Scene) -> list[Doubt]:
     what = f"{effect} reads a field that is {least:.2g} times the distance near a surface that is scaled or bent"
     so = "this is corrected to first order there, so it is too dark" if least < CORRECTED else "it is too dark there"
     return [*found, Doubt("plan", f"{what}; {so}", DISTANT)]
+
+
+def _glass_faces(scene: Scene) -> list[Doubt]:
+    """The doubt about glass solids that touch, where glass also touches what is no glass."""
+    if touching_glass(scene, scene.node) != {True, False}:
+        return []
+    what = "glass solids touch at a face, and glass stands on a face of another material: rays see both faces"
+    return [Doubt("plan", what, "glass solids that overlap a little", where=scene.node.where)]
 
 
 def _wide_paths(scene: Scene) -> list[Doubt]:

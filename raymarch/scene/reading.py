@@ -1,4 +1,4 @@
-"""How far effects read the field of a scene as a distance, and the field that they read."""
+"""How effects and rays read the field of a scene: how far as a distance, and where a value of 0 is no surface."""
 
 from __future__ import annotations
 
@@ -6,9 +6,14 @@ import numpy as np
 
 from raymarch.expr.intervals import interval_of
 from raymarch.scene.light import Light
+from raymarch.scene.material import Material
 from raymarch.scene.scene import Scene, all_nodes
+from raymarch.sdf.levels import may_touch, touching
 from raymarch.sdf.node import Node
 from raymarch.sdf.tools import with_longer_tools
+
+MEASURED = 64
+"""Maximum number of nodes of a tree of which touching children are looked for."""
 
 
 def exact_distance(scene: Scene) -> float:
@@ -41,3 +46,40 @@ def largest_size(scene: Scene) -> float:
 def read_as_distance(scene: Scene, node: Node) -> Node:
     """The solid of a scene, or a part of it, without ends of tools that an effect would read as surfaces."""
     return with_longer_tools(node, 0.5 * exact_distance(scene))
+
+
+def passes_zeros(scene: Scene, node: Node) -> bool:
+    """True if rays may meet a value of 0 of a solid where it has no surface, as where glass solids touch."""
+    return may_touch(node) or touching_glass(scene, node) == {True}
+
+
+def touching_glass(scene: Scene, root: Node) -> set[bool]:
+    """Of the faces at which glass touches a solid: True if one of them is glass as well, False if one is not.
+
+    Glass that touches glass is one solid, so there is no face. The surface of what it stands on is one.
+    """
+    if not scene.bounces or not any(material.transmits for material in scene.materials):
+        return set()
+    pending, visited, found = [(root, scene.materials[0])], set(), set()
+    while pending:
+        node, outer = pending.pop()
+        if (id(node), outer) in visited:
+            continue
+        visited.add((id(node), outer))
+        inner = outer if node.label is None else node.label
+        pending += [(child, inner) for child in node.children]
+        for i, k in touching(node) if len(visited) <= MEASURED else ():
+            kinds = _transmits(node.children[i], inner) | _transmits(node.children[k], inner)
+            found |= {False not in kinds} if True in kinds else set()
+    return found
+
+
+def _transmits(root: Node, outer: Material) -> set[bool]:
+    """Whether the materials of a solid transmit light. outer : of parts without one."""
+    pending, found = [(root, outer)], set()
+    while pending:
+        node, outer = pending.pop()
+        inner = outer if node.label is None else node.label
+        pending += [(child, inner) for child in node.children]
+        found |= set() if node.children else {inner.transmits}
+    return found

@@ -18,6 +18,7 @@ from raymarch.expr.function import Function
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.samples import Samples
 from raymarch.expr.vocabulary import clamp, length, vec3
+from raymarch.sdf.definition import PLACED
 from raymarch.sdf.lower import evaluate_both, evaluate_undivided, undivided_field
 from raymarch.sdf.node import Node, all_nodes
 from raymarch.sdf.same import remembered
@@ -277,16 +278,41 @@ def flush_cut(root: Node) -> Node | None:
 def _has_membrane(node: Node) -> bool:
     """True if the field is 0 at several points of the box and positive on both sides of them."""
     found = _surface_points(node, PROBES // 4)
-    if found is None:
-        return False
+    return found is not None and int(_flat_between(node, found, 1.0).sum()) >= 4
+
+
+@remembered
+def touching(node: Node) -> set[tuple[int, int]]:
+    """Children of a node that touch at a common face, by their numbers, found by points on it; equal ones for copies of
+    a child. There the field is 0 and negative on both sides, which is no surface to a ray inside."""
+    if node.dimension != 3 or not node.children or node.label is not None or node.placed_as in PLACED:
+        return set()
+    single = len(node.children) == 1
+    found = set()
+    for i, surface in enumerate((node.children[0], node) if single else node.children[:MEASURED]):
+        points = _surface_points(surface, PROBES // 8)
+        if points is None or int((flat := _flat_between(node, points, -1.0)).sum()) < 4:
+            continue
+        beyond = points[0][flat] + 1e-6 * points[2] * points[1][flat]
+        found |= {(0, 0)} if single else {(i, k) for k, c in enumerate(node.children) if k != i and _holds(c, beyond)}
+    return found
+
+
+def _holds(node: Node, points: Array) -> bool:
+    return int((evaluate_undivided(node, points) < 0.0).sum()) >= 4
+
+
+def _flat_between(node: Node, found: tuple[Array, Array, float], sign: float) -> NDArray[np.bool_]:
+    """Of points of some surface, whether the field is 0 around them, and of a sign on both sides; see
+    `_surface_points`."""
     points, normals, size = found
     step = 1e-6 * size
     least = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
     first = np.cross(normals, least) / np.linalg.norm(np.cross(normals, least), axis=1)[:, None].clip(1e-12)
     around = (0.0 * first, first, -first, np.cross(normals, first), -np.cross(normals, first))  # no edge is flat
     flat = [np.abs(evaluate_undivided(node, points + 10.0 * step * way)) <= 0.1 * step for way in around]
-    sides = [evaluate_undivided(node, points + way * step * normals) > 0.25 * step for way in (1.0, -1.0)]
-    return int(np.all([*flat, *sides], axis=0).sum()) >= 4
+    sides = [sign * evaluate_undivided(node, points + way * step * normals) > 0.25 * step for way in (1.0, -1.0)]
+    return np.asarray(np.all([*flat, *sides], axis=0))
 
 
 def short_tool(root: Node, reach: float) -> tuple[Node, float] | None:

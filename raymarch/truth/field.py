@@ -20,11 +20,11 @@ from raymarch.expr.walk import depends_on, substitute, topological
 from raymarch.scene.ambient_occlusion import NORMAL, POINT
 from raymarch.scene.fields import FIELDS
 from raymarch.scene.parameter import Values
-from raymarch.scene.reading import read_as_distance
+from raymarch.scene.reading import passes_zeros, read_as_distance
 from raymarch.scene.scene import Scene
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.facts import Facts
-from raymarch.sdf.levels import may_touch, over_slope, slope_to_correct
+from raymarch.sdf.levels import over_slope, slope_to_correct
 from raymarch.sdf.lower import SCENE_INTERACTION, Lowering, material_expressions
 from raymarch.sdf.node import Node
 from raymarch.sdf.visibility import hiding_nodes
@@ -49,7 +49,7 @@ class Field:
 
     plane_normals : gradients of the planes, shape (k, 3); k may be 0.
     certified : False for a field whose exactness is "estimate": its values are not safe steps.
-    touches : True if the field may fall to 0 where there is no surface; see `raymarch.sdf.levels.may_touch`.
+    touches : True if the field may fall to 0 where there is no surface; see `raymarch.scene.reading.passes_zeros`.
     """
 
     rest_box: Facts | None = None
@@ -60,7 +60,7 @@ class Field:
         self._node = scene.node if node is None else node
         self._scene, self._values, self._rays, self._kinds = scene, values, rays, {rays: self}
         self.certified = self._node.exactness != "estimate"
-        self.touches = self.certified and may_touch(self._node)
+        self.touches = self.certified and passes_zeros(scene, self._node)
         self._root_of_rays = root = Lowering(rays=rays).field(self._node)
         p = root.params[0]
         affine, other = _split(root.body, p)

@@ -181,7 +181,7 @@ def test_random_lit_scenes_are_as_the_judge_says(court: Court, block: int) -> No
 
 @pytest.mark.parametrize("seed", [100, 212])
 def test_scenes_that_the_judge_once_read_otherwise(court: Court, seed: int) -> None:
-    """A mirror inside of a solid that only the camera does not see; an edge that a ray nearly misses, before a floor."""
+    """A mirror inside of a solid that only the camera does not see; an edge that a ray nearly misses before a floor."""
     report = look(court, seed, lambda kind: False)
     assert report is None, str(report)
 

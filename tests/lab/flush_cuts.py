@@ -107,6 +107,35 @@ CASES: dict[str, tuple[rm.Node, rm.Node, dict[str, object]]] = {
 }
 
 
+HALF = rm.box((10, 20, 20))
+CELLS = rm.box(10).repeat(10, 2), rm.box(20)
+"""Copies that touch, and the solid that they make."""
+ALL_GLASS = {"lights": [SUN], "bounces": 4, "quality": TREE}
+
+
+def of_glass(node: rm.Node) -> rm.Node:
+    return node.material(GLASS) | FLOOR.material(rm.Material(color=rm.checker((0.9, 0.9, 0.9), (0.1, 0.1, 0.1), 8)))
+
+
+CASES |= {
+    "touching glass": (
+        of_glass(HALF.translate((-5, 0, 0)) | HALF.translate((5, 0, 0))),
+        of_glass(rm.box(20)),
+        ALL_GLASS,
+    ),
+    "glass cells": (of_glass(CELLS[0]), of_glass(CELLS[1]), ALL_GLASS),
+    "endless glass cells": (
+        of_glass(rm.box((10, 4, 10)).repeat((10, None, 10))),
+        of_glass(rm.slab(thickness=4)),
+        ALL_GLASS,
+    ),
+    "far glass": (
+        *(of_glass(node).scale(1e3).translate((1e6, 0, 0)) for node in CELLS),
+        {"camera": rm.Camera((1e6 + 3e4, 6e4, 4e4), (1e6, 0, 0)), **ALL_GLASS},
+    ),
+}
+
+
 def shells(pixels: float) -> dict[str, rm.Node]:
     """Solids that are so thin, in pixels of a picture 90 pixels high."""
     t = pixels * PIXEL

@@ -7,9 +7,20 @@ import pytest
 
 import raymarch as rm
 from raymarch.plan import plan
-from tests.lab.flush_cuts import CASES, PIXEL, camera, differences, random_case, shells
+from tests.lab.flush_cuts import (
+    ALL_GLASS,
+    CASES,
+    FLOOR,
+    GLASS,
+    HALF,
+    PIXEL,
+    camera,
+    differences,
+    random_case,
+    shells,
+)
 
-SHORT = ("plate .001", "each far", "shadow", "mirror", "xor", "xor of itself")
+SHORT = ("plate .001", "each far", "shadow", "mirror", "xor", "xor of itself", "touching glass", "endless glass cells")
 ALLOWED = 2
 """Pixels whose ray passes an edge within the error of a hit."""
 
@@ -59,3 +70,21 @@ def test_a_disc_without_thickness_beside_a_cut_is_drawn(small: rm.Renderer) -> N
     shown = np.isfinite(small.render(scene, outputs=("depth",)).depth)
     hit = rm.truth(scene, small.size).hit
     assert hit.sum() > 300 and shown[hit].all()
+
+
+def test_glass_that_stands_on_a_floor_shows_the_floor() -> None:
+    """Glass that touches glass is one solid; what it stands on is a surface. With both, a doubt says so."""
+    half = HALF.material(GLASS)
+    pair = half.translate((-5, 0, 0)) | half.translate((5, 0, 0))
+    floor = rm.plane(offset=-10)
+    overlapping = half.translate((-4.9, 0, 0)) | half.translate((5, 0, 0))
+    for node, cuts, doubted in (
+        (pair | FLOOR, True, False),
+        (half | floor, False, False),
+        (pair | floor, False, True),
+        (overlapping | floor, False, False),
+        (HALF.translate((-5, 0, 0)) | HALF.translate((5, 0, 0)) | floor, False, False),
+    ):
+        made = plan(rm.Scene(node, camera(), **ALL_GLASS))
+        assert ("CUTS" in made.variants) == cuts
+        assert any("glass solids touch" in doubt for doubt in made.warnings) == doubted
