@@ -223,6 +223,7 @@ NEEDED: dict[str, dict[str, Any]] = {
     "measure": {"part": rm.box(1), "cells": 4},
     "floor_evaluations": {"scene": rm.box(1), "size": (4, 3)},
     "raycast": {"scene": rm.box(1), "origins": (0, 0, 5), "directions": (0, 0, -1)},
+    "material_at": {"node": rm.box(1), "points": (0, 0, 1), "time": 0.5, "params": {}},
 }
 NEEDED |= {name: {"x": 0.5} for name in "acos asin atan ceil cos cosh exp exp2 floor fract log log2 sign sin".split()}
 NEEDED |= {name: {"x": 0.5} for name in "sinh sqrt tan tanh".split()}
