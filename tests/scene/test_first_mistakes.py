@@ -34,7 +34,6 @@ class Tensor:
         (lambda: f"{COUNT:.2f}", "no digits to format"),
         (lambda: BALL.distance(MASKED), "3 masked values"),
         (lambda: rm.box(MASKED[1]), "box: size"),
-        (lambda: BALL.raycast, r"rm\.raycast\(node, origins, directions\)"),
         (lambda: BALL.hull, "there is no convex hull"),
     ],
 )
