@@ -70,7 +70,8 @@ def contradicted(scene: Scene, values: Values) -> list[Doubt]:
 def moved_otherwise(scene: Scene, values: Values) -> list[Doubt]:
     """Doubts about offsets and shells that are not as thick as asked for, and effects that read short distances."""
     with bound(values.params, values.time):
-        return [*levels.moved_otherwise(scene.node, doubted=True), *misread(scene)]
+        found = [*levels.moved_otherwise(scene.node, doubted=True)]
+        return found + misread(scene, values)
 
 
 def not_finite(lost: int, pixels: int) -> Doubt | None:

@@ -24,6 +24,8 @@ from raymarch.plan.cells import Cells
 from raymarch.plan.kept_cells import build
 from raymarch.plan.lists import PAIRS
 from raymarch.plan.narrow import narrow
+from raymarch.scene.legal import solid_at
+from raymarch.scene.parameter import Values
 from raymarch.scene.reading import exact_distance, read_as_distance, reads_field, touching_glass
 from raymarch.scene.scene import Scene, all_nodes
 from raymarch.scene.studio import in_studio
@@ -54,8 +56,11 @@ Mixed: TypeAlias = Callable[[Expr, Expr, Sequence[Expr], Sequence[Expr]], Sequen
 DISTANT = "Quality(integrator='path') or penumbra='sampled' does not read distances"
 
 
-def misread(scene: Scene) -> list[Doubt]:
-    """Doubts about effects that read the field as a distance, where it is shorter or falls to 0 without a surface."""
+def misread(scene: Scene, values: Values | None = None) -> list[Doubt]:
+    """Doubts about effects that read the field as a distance, where it is shorter or falls to 0 without a surface.
+
+    values : of a frame; without, parameters have their defaults.
+    """
     if in_studio(scene):
         return []
     effect = "AmbientOcclusion" if scene.occlusion is not None else ""
@@ -66,6 +71,7 @@ def misread(scene: Scene) -> list[Doubt]:
         return found
     found += narrow(scene)
     read = read_as_distance(scene, scene.node)
+    read = read if values is None else solid_at(read, values)
     if (node := flush_cut(read)) is not None:
         what = f"{node.name} cuts flush with a face, where {effect} reads a membrane of no thickness that is not drawn"
         found.append(Doubt("plan", what, "a tool that reaches beyond the face", where=node.where))

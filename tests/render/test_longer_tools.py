@@ -122,3 +122,14 @@ def test_a_tool_that_reaches_far_enough_or_moves_stays() -> None:
     for height in (13.0, rm.Param("height", 10.0, 8.0, 12.0)):
         node = PLATE - rm.cylinder(8, height)
         assert with_longer_tools(node, 1.0) is node
+
+
+def test_a_tool_that_a_parameter_moves_through_the_face_is_doubted_where_it_is_flush(renderer: rm.Renderer) -> None:
+    height = rm.Param("height", 9.0, 8.0, 20.0)
+    sun = rm.Sun(SUN, shadow=True, softness=0.1)
+    scene = rm.Scene(PLATE - rm.cylinder(8, height) | FLOOR, BELOW, [sun])
+    told = []
+    for value in (9.0, 10.0, 10.5, 18.0):
+        doubts = renderer.render(scene, params={"height": value}).doubts()
+        told.append([what for doubt in doubts for what in ("flush with a face", "beyond a face") if what in doubt])
+    assert told == [[], ["flush with a face"], ["beyond a face"], []]
