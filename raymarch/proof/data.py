@@ -38,7 +38,7 @@ def _jump_free(given: Span, exact: Array, value: Array, otherwise: Interval) -> 
 
 
 def _hash(node: Expr, cell: Span) -> Span:
-    low, high = np.floor(r.down(cell.low + 0.5)), np.floor(r.up(cell.high + 0.5))
+    low, high = np.rint(cell.low), np.rint(cell.high)
     same = np.all(low == high, axis=-1)
     return _jump_free(cell, same, hashing.evaluate(node, low), (np.asarray(0.0), np.asarray(1.0)))
 

@@ -60,9 +60,14 @@ def negative(a: Interval) -> Interval:
 
 
 def add(a: Interval, b: Interval) -> Interval:
-    """Sums near 0 are exact, so that 0 stays 0."""
+    """Sums that are exact, such as those near 0 and of small integers and halves, are not widened."""
     low, high = a[0] + b[0], a[1] + b[1]
-    return low - np.abs(low) * ULP, high + np.abs(high) * ULP
+    return low - _error(low, a[0], b[0]), high + _error(high, a[1], b[1])
+
+
+def _error(total: Array, a: Array, b: Array) -> Array:
+    """At least the rounding error of a + b. The greater term's difference is exact (Dekker 1971)."""
+    return np.where((total - a == b) & (total - b == a), 0.0, np.abs(total) * ULP)
 
 
 def sub(a: Interval, b: Interval) -> Interval:

@@ -8,6 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+import raymarch as rm
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.evaluate import Program
 from raymarch.expr.node import Expr, var
@@ -76,3 +77,13 @@ def test_every_node_is_enclosed(sample: NodeSample) -> None:
 def test_random_trees_are_enclosed(tree: Node, seed: int) -> None:
     field = Lowering(rays="camera").field(tree)
     enclosed(field.body, field.params[0], seed, 3.0)
+
+
+@pytest.mark.parametrize("part", [0.0, 0.25, 0.5])
+def test_the_hash_of_one_cell_is_one_number(part: float) -> None:
+    """Also of a cell and a half, which lies on the border of two."""
+    shot, start, end = Rays(np.zeros((3, 3)), np.eye(3)), np.zeros(3), np.full(3, 0.4)
+    with stretches(0.5 * end, 0.5 * end):
+        body = rm.hash(rm.floor(P + 7.25) + part)
+        found: Span = Program([body], [P], ENCLOSURES)(shot.points(np.arange(3), start, end, 0.5 * end))[0]
+    assert np.all(found.low == found.high)

@@ -120,3 +120,9 @@ def test_floors_of_quotients_are_exact() -> None:
     wide = np.nextafter(y, np.inf)  # divisors that are no one number
     low, high = r.whole_quotients((x, x), (y, wide))
     assert np.all((low <= right) & (right <= high))
+
+
+def test_an_exact_sum_is_not_widened() -> None:
+    low, high = r.add((np.array([3.0, 0.1]), np.array([3.0, 0.1])), (np.array([0.5, 0.2]), np.array([0.5, 0.2])))
+    assert low[0] == high[0] == 3.5
+    assert Fraction(low[1]) <= Fraction(0.1) + Fraction(0.2) <= Fraction(high[1]) and low[1] < high[1]
