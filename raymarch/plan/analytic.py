@@ -128,6 +128,11 @@ def marched_root(made: Analytic, whole: Node) -> Node | None:
     return _united(made.marched, whole) if made.marched else None
 
 
+def solved_root(made: Analytic, whole: Node) -> Node:
+    """The union of the operands in closed form."""
+    return _united(made.solved, whole)
+
+
 def _operands(root: Node) -> list[Node]:
     """The operands of the outermost hard unions, under labels too. A union under transforms that keep shapes is taken
     apart if all its operands can be solved: they are then transformed."""

@@ -108,6 +108,7 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
         used = {
             "ADVANCE": self.advance is not None,
             "ANALYTIC": self.analytic.used,
+            "AHEAD": self.cones_ahead,
             "BOUNCES": self.scene.bouncing,
             "CONES": self.marching.cones,
             "CUTS": marching.cut(self.scene),
@@ -232,6 +233,17 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
     def advance(self) -> Function | None:
         """The function that tells how far a ray is free; None if the tracer does not ask it."""
         return self.advancing(False) if self.marching.tracer == "advance" else None
+
+    @cached_property
+    def cones_ahead(self) -> bool:
+        """True if soft shadows ask how far the cone about a ray is free."""
+        soft = any(map(reads_field, self.scene.lights))
+        return soft and self.advance is not None and not self._halves and not self.stretched
+
+    @cached_property
+    def solved_advance(self) -> Function | None:
+        """The function that tells how far a ray is free of solids in closed form; None if soft shadows do not ask it."""
+        return self.advancing(False, True) if self.cones_ahead and self.analytic.used else None
 
     @property
     def own_step(self) -> Function | None:

@@ -206,7 +206,7 @@ class FieldPlan:
     analytic: Analytic
     gathered: Gathered
     located: Sequence[Located]
-    advancing: Callable[[bool], Function]
+    advancing: Callable[..., Function]
     operations: int
     shapes: int
 
@@ -259,8 +259,12 @@ def fields_of(
     return found, lowering
 
 
-def _advance_of(solid: Node, closed: Analytic, lowering: Lowering, hoist: Hoisting, wholly: bool) -> Function:
-    """How far a ray through the marched solids is free."""
+def _advance_of(
+    solid: Node, closed: Analytic, lowering: Lowering, hoist: Hoisting, wholly: bool, solved: bool = False
+) -> Function:
+    """How far a ray through the marched solids is free, or through those in closed form."""
+    if solved:
+        return hoist(Advancing(lowering).function(analytic.solved_root(closed, solid), "solved_advance"))
     root = analytic.marched_root(closed, solid) if closed.used else solid
     return hoist(Advancing(lowering, wholly).function(root, "field_advance"))
 

@@ -319,6 +319,7 @@ def _roots(plan: Plan, values: Values) -> list[Function]:
     optional = (
         *(
             plan.advance,
+            plan.solved_advance,
             plan.own_step,
             plan.gradient,
             plan.material,

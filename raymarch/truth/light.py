@@ -207,7 +207,7 @@ def soft_visibility(
     width = np.minimum(width, 0.999)
     start, stop = _inside_cone(rays, box, width, near, end)
     if penumbra == "triangulated":
-        return _triangulated(field, rays, start, stop, width, near, divisor or 1.0)
+        return _triangulated(field, rays, start, stop, width, near, divisor)
     cones = _Cones(field, rays, 0.125 * near if penumbra == "cone" else 0.0 * near, divisor)
     every = np.flatnonzero(start < stop)
     visible = np.ones(len(width))
@@ -276,22 +276,42 @@ _SPIRAL = _around(0.95 * np.sqrt(_PLACES / 24.0), 2.399963 * _PLACES)
 
 
 def _triangulated(
-    field: Callable[[Array], Array], rays: Rays, s: Array, stop: Array, width: Array, near: Array, divisor: float
+    field: Callable[[Array], Array], rays: Rays, t: Array, stop: Array, width: Array, near: Array, divisor: float | None
 ) -> Array:
     """The visible fractions by the module `light/triangulated`: the least clearance, with that between samples."""
-    least, last, before = np.ones(len(s)), np.zeros(len(s)), np.ones(len(s))
-    row = np.flatnonzero(s < stop)
-    for step in range(MAX_STEPS):
+    least, z, r, slope = np.ones(len(t)), np.zeros(len(t)), np.zeros(len(t)), np.ones(len(t))
+    row = np.flatnonzero(t < stop)
+    for turn in range(MAX_STEPS):
         if not row.size:
             break
-        r, back, z = field(rays.at(row, s[row])), last[row], before[row]
-        back = np.where(back > 0.0, 0.5 * (z + (r - back) * (r + back) / z), 0.0)
-        back = np.where((back < 0.0) | (back > np.minimum(z, np.abs(r))), 0.0, back)
-        found = np.sqrt(np.maximum(r * r - back * back, 0.0)) / (width[row] * np.maximum(s[row] - back, near[row]))
-        least[row] = np.where(r <= 0.125 * near[row], 0.0, np.minimum(least[row], found))
-        last[row], before[row] = r, r / divisor
-        s[row] += np.maximum(r / divisor, LEAST_GAIN * s[row] if step >= PATIENT else 0.0)
-        row = row[(least[row] > 0.0) & (s[row] < stop[row])]
+        gain = LEAST_GAIN if turn >= PATIENT else 0.0
+        step, last, s = z[row], r[row], t[row] + z[row]
+        d = field(rays.at(row, s))
+        sine = least[row] * width[row]
+        cosine = np.sqrt(1.0 - sine * sine)
+        before, here = _half_chord(last, t[row], sine), _half_chord(d, s, sine)
+        lit = d > 0.125 * near[row]
+        longer = (step > np.maximum(last, gain * t[row])) & (step > 0.0) & (divisor is None)
+        again = lit & longer & (before + here < step * cosine)
+        z[row[again]] = last[again]
+        least[row[~lit]] = 0.0
+        rise = np.where(step > 0.0, here - before, d) / np.where(step > 0.0, step, s)
+        slope[row] = np.clip(np.minimum(rise, np.where(longer, 1.0, slope[row])), -1.0, 0.99)
+        k, d, s, step, last, longer, cosine = (
+            values[lit & ~again] for values in (row, d, s, step, last, longer, cosine)
+        )
+        back = np.where(longer | (step == 0.0), 0.0, 0.5 * (step + (d - last) * (d + last) / np.maximum(step, 1e-300)))
+        back = np.where((back < 0.0) | (back > np.minimum(step, d)), 0.0, back)
+        found = np.sqrt(d * d - back * back) / (width[k] * (s - back))
+        leaps = found >= least[k]
+        least[k] = np.minimum(least[k], found)
+        t[k], r[k] = s, d
+        alone = ahead = np.maximum(d / (divisor or 1.0), gain * s)
+        if divisor is None:
+            chord = _half_chord(d, s, least[k] * width[k])
+            ahead = np.maximum(alone, leaps * 1.9 * chord / np.maximum(cosine - slope[k], 0.01))
+        z[k] = np.minimum(ahead, stop[k] - s)
+        row = np.union1d(row[again], k[s + alone < stop[k]])
     return least
 
 
@@ -360,7 +380,7 @@ class _Cones:
         as a fraction of the radius.
         """
         n = len(rows)
-        least, depth, slope = np.ones(n), np.zeros(n), np.full(n, 0.9)
+        least, depth, slope = np.ones(n), np.zeros(n), np.zeros(n)
         t, z, r = start.copy(), np.zeros(n), np.zeros(n)
         undone, met, left = np.zeros(n, bool), np.zeros(n, bool), np.ones(n, bool)
         first, last = start.copy(), stop.copy()
@@ -386,18 +406,18 @@ class _Cones:
             else:
                 again, clear = np.zeros(len(k), bool), d >= 2.0 * radius
             least[k] = here
+            rise = np.where(z[k] > 0.0, after - before, d) / np.where(z[k] > 0.0, z[k], s)
+            slope[k] = np.clip(np.minimum(rise, np.where(undone[k], slope[k], 1.0)), -1.0, 0.99)
             undone[k] = again
-            rise = after - before
-            redo, k, s, d, clear, rise = k[again], k[~again], s[~again], d[~again], clear[~again], rise[~again]
+            redo, k, s, d, clear = k[again], k[~again], s[~again], d[~again], clear[~again]
             z[redo] = _alone(r[redo], t[redo], 0.9375 * least[redo] * width[redo])
-            slope[k] = np.where(z[k] > 0.0, np.clip(rise / np.where(z[k] > 0.0, z[k], 1.0), -1.0, 0.99), slope[k])
             t[k], r[k] = s, d
             first[k] = np.where(least[k] >= 1.0, s, first[k])
             last[k] = np.where(clear, np.minimum(last[k], s), stop[k])
             if self.divisor is None:
                 sine = 0.9375 * least[k] * width[k]
                 chord, cosine = _half_chord(d, s, sine), np.sqrt(1.0 - sine * sine)
-                ahead = np.maximum(1.98 * chord / np.maximum(cosine - slope[k], 0.01), -slope[k] * d)
+                ahead = np.maximum(1.9 * chord / np.maximum(cosine - slope[k], 0.01), -slope[k] * d)
                 alone, z[k] = chord / cosine, np.minimum(ahead, stop[k] - s)
             else:
                 alone = (
@@ -417,8 +437,8 @@ class _Cones:
         """The next steps of rays k that are in solids, at s."""
         t, z, depth, met, left = state
         depth[k] = np.maximum(depth[k], -d / radius)
-        t[k], z[k] = s, np.maximum(np.abs(d), 0.25 * radius)
-        shallow = (depth[k] < 1.0) & (t[k] + z[k] < stop[k])
+        t[k], z[k] = s, np.minimum(np.maximum(np.abs(d), 0.25 * radius), stop[k] - s)
+        shallow = (depth[k] < 1.0) & (s < stop[k])
         left[k] = (shallow & ~((met[k] != 0.0) & (d > 0.0))) if deep else False
         met[k] = True
 

@@ -160,11 +160,12 @@ def test_a_ray_out_of_steps_is_lit_unless_it_comes_nearer(egl: Context) -> None:
 
 
 def test_a_soft_shadow_out_of_steps_is_what_was_seen_unless_the_wall_comes_nearer(egl: Context) -> None:
-    """512 steps of 0.02 along a wall end at 10.24. The accelerated march continues the wall up to the light."""
+    """512 steps of 0.02 along a wall end at 10.24, those of longer steps that are kept before it reaches into the cone a
+    little farther. The accelerated march continues the wall up to the light."""
     end, width = 512 * 0.02, 0.1
     beside = {kind: shadows(egl, kind, "0.02", UP, 100.0, width)[0] for kind in SOFT[:2]}
     np.testing.assert_allclose(beside["light/cone"], 0.02 / (width * 100.0), rtol=1e-4)
-    np.testing.assert_allclose(beside["light/triangulated"], np.sqrt(0.0003) / (width * (end - 0.01)), rtol=1e-4)
+    assert end <= np.sqrt(0.0003) / (width * beside["light/triangulated"][0]) + 0.01 <= end + 0.1
     for kind, width in zip(SOFT, (0.1, 0.1, 0.01), strict=True):
         assert shadows(egl, kind, "0.05 - 0.00002 * p.z", UP, 5000.0, width)[0] <= 0.001
 

@@ -68,7 +68,7 @@ class Pair:
     sine: float
     disc: float
 
-    def scene(self, method: str, shadow: bool = True) -> rm.Scene:
+    def scene(self, method: str, shadow: bool = True, tracer: str = "auto") -> rm.Scene:
         """A picture of the floor about the middle of the shadow, from above."""
         white = rm.Material((1, 1, 1), ambient=0.0, specular=0.0)
         blocker = rm.union(*(solid.node() for solid in self.solids)).visible(camera=False)
@@ -84,7 +84,7 @@ class Pair:
             projection="orthographic",
             height=wide,
         )
-        quality = rm.Quality(light_samples=64) if method == "sampled" else rm.Quality()
+        quality = rm.Quality(tracer=tracer, light_samples=64 if method == "sampled" else 1)
         return rm.Scene((rm.plane() | blocker).material(white), camera, lights=[sun], sky=(0, 0, 0), quality=quality)
 
     @property
@@ -166,6 +166,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--pairs", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--tracer", default="auto")
     parser.add_argument("--methods", nargs="+", choices=METHODS, default=METHODS)
     given = parser.parse_args(arguments)
     rng = np.random.default_rng(given.seed)
@@ -179,7 +180,7 @@ def main(arguments: list[str] | None = None) -> int:
             part = (wanted > 0.0) & (wanted < 1.0)
             lit, judged = wanted == 1.0, part | (np.roll(part, 3, 0) | np.roll(part, -3, 0))
             for method in given.methods:
-                scene = pair.scene(method)
+                scene = pair.scene(method, tracer=given.tracer)
                 share = renderer.render(scene).color[..., 0] / free
                 errors[method, pair.kind].append((share - wanted)[judged])
                 asked = count_evaluations(renderer, scene).shading
