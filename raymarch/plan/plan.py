@@ -242,7 +242,7 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
 
     @cached_property
     def solved_advance(self) -> Function | None:
-        """The function that tells how far a ray is free of solids in closed form; None if soft shadows do not ask it."""
+        """How far a ray is free of solids in closed form, as a function; None if soft shadows do not ask it."""
         return self.advancing(False, True) if self.cones_ahead and self.analytic.used else None
 
     @property

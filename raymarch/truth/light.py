@@ -297,9 +297,9 @@ def _triangulated(
         least[row[~lit]] = 0.0
         rise = np.where(step > 0.0, here - before, d) / np.where(step > 0.0, step, s)
         slope[row] = np.clip(np.minimum(rise, np.where(longer, 1.0, slope[row])), -1.0, 0.99)
-        k, d, s, step, last, longer, cosine = (
-            values[lit & ~again] for values in (row, d, s, step, last, longer, cosine)
-        )
+        kept = lit & ~again
+        k, longer = row[kept], longer[kept]
+        d, s, step, last, cosine = (values[kept] for values in (d, s, step, last, cosine))
         back = np.where(longer | (step == 0.0), 0.0, 0.5 * (step + (d - last) * (d + last) / np.maximum(step, 1e-300)))
         back = np.where((back < 0.0) | (back > np.minimum(step, d)), 0.0, back)
         found = np.sqrt(d * d - back * back) / (width[k] * (s - back))

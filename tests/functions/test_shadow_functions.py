@@ -160,8 +160,8 @@ def test_a_ray_out_of_steps_is_lit_unless_it_comes_nearer(egl: Context) -> None:
 
 
 def test_a_soft_shadow_out_of_steps_is_what_was_seen_unless_the_wall_comes_nearer(egl: Context) -> None:
-    """512 steps of 0.02 along a wall end at 10.24, those of longer steps that are kept before it reaches into the cone a
-    little farther. The accelerated march continues the wall up to the light."""
+    """512 steps of 0.02 along a wall end at 10.24, or a bit farther, by longer steps before it reaches into the cone.
+    The accelerated march continues the wall up to the light."""
     end, width = 512 * 0.02, 0.1
     beside = {kind: shadows(egl, kind, "0.02", UP, 100.0, width)[0] for kind in SOFT[:2]}
     np.testing.assert_allclose(beside["light/cone"], 0.02 / (width * 100.0), rtol=1e-4)

@@ -4,9 +4,9 @@ python -m tests.lab.soft_steps                    # the examples that have them
 python -m tests.lab.soft_steps --pairs 64         # the pairs of tests/lab/penumbras.py
 python -m tests.lab.soft_steps --tracers bracketing advance --penumbras cone --scenes examples/papers/array.py
 
-An evaluation is a call of a field, of how far it is free, or of its gradient; `raymarch.cost.effects` counts them. Those
-of an effect are the difference of the picture with it and without it, for each pixel of the picture. "hard" is the same
-light without a size.
+An evaluation is a call of a field, of how far it is free, or of its gradient, as `raymarch.cost.effects` counts them.
+Those of an effect are the difference of the picture with it and without it, per pixel of the picture. "hard" is the
+same light without a size.
 """
 
 from __future__ import annotations

@@ -103,8 +103,8 @@ GENERATED = """
     march_steps marched_field own_step
     marched_range material_at material_index part_at path_extent pcg picture_samples previous_position relax_again
     relaxation relief_at rising_steps scene_box scene_cone secondary_steps set_frame shade shading_normal shadow_steps
-    smoothing divided solved_advance solved_field solved_hit step_scale surface_texels step_variation surface_faults toned
-    undivided_field
+    smoothing divided solved_advance solved_field solved_hit step_scale surface_texels step_variation surface_faults
+    toned undivided_field
     iChannel0 iFrame iMouse iResolution
 """
 
