@@ -16,7 +16,8 @@ from typing import Annotated, Any, NoReturn
 import typer
 from rich.console import Console
 
-from raymarch.errors import RaymarchError, printable
+from raymarch.errors import RaymarchError, SceneError, printable
+from raymarch.expr.colors import linear_color
 
 
 class Errors(Console):
@@ -80,14 +81,14 @@ def parse_size(text: str) -> tuple[int, int]:
 
 
 def parse_settings(settings: Sequence[str]) -> dict[str, Any]:
-    """Parse NAME=VALUE pairs; a value is one number, or several separated by commas."""
+    """Parse NAME=VALUE pairs; a value is one number, several separated by commas, or a colour."""
     values: dict[str, Any] = {}
     for setting in settings:
         name, equals, text = setting.partition("=")
         numbers = _numbers(text)
         if not equals or not numbers:
             swept = equals and all(map(_numbers, text.split(":")))
-            legal = "NAME=VALUE, where VALUE is a number or several numbers: 1,0.5,0"
+            legal = "NAME=VALUE, where VALUE is a number, several numbers such as 1,0.5,0, or a colour such as tomato"
             what = "; NAME=A:B for the frames of `raymarch render --frames` only" if swept else ""
             raise CommandError(f"--set {setting}", legal=legal + what)
         values[name.strip()] = numbers[0] if len(numbers) == 1 else tuple(numbers)
@@ -123,10 +124,12 @@ def parse_sweeps(settings: Sequence[str]) -> tuple[dict[str, Any], Sweep | None]
 
 
 def _numbers(text: str) -> list[float]:
-    """The numbers of a text, separated by commas; none if it holds anything else."""
+    """The numbers of a text, separated by commas, or of a colour, in linear RGB; none if it holds anything else."""
     try:
         return [float(part) for part in text.split(",")]
     except ValueError:
+        with suppress(SceneError):
+            return list(linear_color("--set", text))
         return []
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -24,8 +25,8 @@ from raymarch.sdf.domain import as_operand, unit
 
 Value = float | tuple[float, ...]
 
-ParamValue: TypeAlias = float | Sequence[float] | NDArray[Any]
-"""A number, or 2 to 4 of them as a sequence or an array."""
+ParamValue: TypeAlias = float | str | Sequence[float] | NDArray[Any]
+"""A number, 2 to 4 of them as a sequence or an array, or a colour as a string."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +88,8 @@ def _shown(value: Value) -> str:
 
 def _plain(value: Any, what: str, where: Location | None = None) -> Value:
     legal = "a finite number up to 3.4e38 in size, or 2 to 4 of them"
+    with suppress(SceneError):  # a string that is no colour is refused below
+        value = linear_color(what, value)
     try:
         array = numbers(what, value, legal)
     except SceneError as fault:
@@ -108,7 +111,7 @@ def Param(
     Parameters
     ----------
     name : label of the slider, and NAME in `--set NAME=VALUE`. Letters, digits, space, _ and -.
-    value : default: a number, or 2 to 4 numbers for a vector or colour.
+    value : default: a number, or 2 to 4 numbers for a vector or colour, or a colour as a string, such as "tomato".
     min, max : range: one number, or as many as `value` has. Facts of nodes hold over the whole range, and
         `raymarch render --set` refuses values outside it. None means no limit on that side.
 

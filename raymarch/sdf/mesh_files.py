@@ -66,10 +66,7 @@ class Beside:
 
 def read_mesh(file: Path, content: bytes, beside: Beside) -> Any:
     """The triangles of a mesh file, a `trimesh.Trimesh`. SceneError if it holds none."""
-    try:
-        import trimesh
-    except ImportError:
-        raise SceneError("mesh needs the package trimesh", legal=install("mesh")) from None
+    trimesh = _trimesh()
     with reading("mesh", file, LEGAL), np.errstate(all="ignore"):
         _check_archive(file, content)
         kind = file.suffix.lower().removeprefix(".")
@@ -95,6 +92,20 @@ def read_mesh(file: Path, content: bytes, beside: Beside) -> Any:
     if not meshes or not len(found.faces):
         raise SceneError(f"mesh: '{file}' holds no triangles", legal="a watertight mesh, which has an inside")
     return found
+
+
+def of_arrays(vertices: Any, faces: Any) -> Any:
+    """The triangles of arrays, a `trimesh.Trimesh`."""
+    with np.errstate(all="ignore"):
+        return _trimesh().Trimesh(vertices, faces, process=False)
+
+
+def _trimesh() -> Any:
+    try:
+        import trimesh
+    except ImportError:
+        raise SceneError("mesh needs the package trimesh", legal=install("mesh")) from None
+    return trimesh
 
 
 def _check_archive(file: Path, content: bytes) -> None:

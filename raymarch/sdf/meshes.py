@@ -1,10 +1,11 @@
-"""Meshes of files, sampled as distances."""
+"""Meshes of files and of arrays, sampled as distances."""
 
 from __future__ import annotations
 
 import hashlib
 import os
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,10 @@ from numpy.typing import NDArray
 from raymarch import cache as disk
 from raymarch.errors import SceneError, warn
 from raymarch.expr.calls import checked
-from raymarch.expr.convert import file_path, input_file, integer, optional, real, short
+from raymarch.expr.convert import file_path, input_file, integer, numbers, optional, real, short
 from raymarch.expr.samples import Samples
 from raymarch.files import reading
-from raymarch.sdf.mesh_files import LEGAL, Beside, read_mesh
+from raymarch.sdf.mesh_files import LEGAL, Beside, of_arrays, read_mesh
 from raymarch.sdf.nearest import Surface
 from raymarch.sdf.node import Node
 from raymarch.sdf.sampled import refuse_broken, sampled_grid
@@ -29,7 +30,7 @@ Progress = Callable[[float], None]
 
 @checked
 def mesh(
-    source: str | os.PathLike[str],
+    source: str | os.PathLike[str] | tuple[Any, Any],
     extent: float | None = None,
     resolution: int = 64,
     progress: Progress | None = None,
@@ -40,6 +41,8 @@ def mesh(
     Parameters
     ----------
     source : name of a file that trimesh reads: STL, OBJ, PLY, GLB, ... Other files that it names must be in its folder.
+        Or a pair of arrays, vertices (V, 3) and the vertices of triangles (F, 3), or an object with `vertices` and
+        `faces`, such as a Trimesh.
     extent : scale the mesh to this largest extent and centre it at the origin. None keeps its coordinates.
     resolution : samples along its largest extent, 8 to 256.
     progress : called with the fraction done, 0 to 1.
@@ -64,29 +67,26 @@ def mesh(
     """
     resolution = integer("mesh: resolution", resolution, 8, 256)
     extent = optional(_extent, "mesh: extent", extent)
-    file = input_file("mesh: source", source, "the name of a mesh file")
+    given = _source(source)
     folder = None if cache is None else file_path("mesh: cache", cache, "a folder")
     if progress is not None and not callable(progress):
         raise SceneError(f"mesh: progress = {short(progress)}", legal="a function of the fraction done, or None")
-    with reading("mesh", file, LEGAL):
-        content = Path(file).read_bytes()
-    key = hashlib.sha256(content + f"{extent} {resolution} {Path(file).suffix.lower()} 6".encode()).hexdigest()
+    key = hashlib.sha256(given.content + f"{extent} {resolution} {given.kind} 6".encode()).hexdigest()
     kept = disk.folder() if folder is None else Path(folder)
     kept = kept and kept / f"mesh-{key[:24]}.npz"
-    found = None if kept is None else _from_cache(kept, Path(file))
+    found = None if kept is None else _from_cache(kept, given.beside)
     if found is None:
-        beside = Beside(Path(file).parent)
-        solid, unit, repairs = _load_mesh(Path(file), content, beside, extent)
-        *sampled, missing = _sample_mesh(solid, resolution, progress, f"mesh: '{file}'")
+        solid, unit, repairs = _load_mesh(given, extent)
+        *sampled, missing = _sample_mesh(solid, resolution, progress, given.what)
         values, size, centre = (unit * part for part in sampled)
         if missing > 0.01:
             repairs.append(
-                f"mesh: '{file}': {100 * missing:.2g} % of the surface bounds parts thinner than the distance of "
+                f"{given.what}: {100 * missing:.2g} % of the surface bounds parts thinner than the distance of "
                 f"samples, {size[0] / (values.shape[2] - 1):.3g}, and is missing: resolution={resolution} is too "
                 "small for them"
             )
         if kept is not None:
-            texts = {"repairs": repairs, "names": [*beside.digests], "digests": [*beside.digests.values()]}
+            texts = {"repairs": repairs, "names": [*given.beside.digests], "digests": [*given.beside.digests.values()]}
             arrays = {"values": values, "size": size, "centre": centre}
             if lost := disk.save(kept, arrays | {n: np.array(t, np.str_) for n, t in texts.items()}, compressed=True):
                 warn(f"mesh: the cache {lost}: nothing is kept")
@@ -96,7 +96,41 @@ def mesh(
     return found[0]
 
 
-def _from_cache(kept: Path, file: Path) -> tuple[Node, list[str]] | None:
+@dataclass(frozen=True)
+class _Source:
+    """A mesh before it is read. what : its name in messages. content : its bytes. kind : the suffix of a file, or the
+    shapes of arrays. arrays : vertices (V, 3) and triangles (F, 3), of a mesh that is no file."""
+
+    what: str
+    content: bytes
+    kind: str
+    beside: Beside
+    file: Path = Path()
+    arrays: tuple[NDArray[np.float64], NDArray[np.int64]] | None = None
+
+
+def _source(source: Any) -> _Source:
+    pair = (source.vertices, source.faces) if hasattr(source, "vertices") and hasattr(source, "faces") else source
+    if isinstance(pair, tuple | list) and len(pair) == 2:
+        vertices = numbers("mesh: vertices", pair[0], "(V, 3) numbers")
+        faces = numbers("mesh: triangles", pair[1], "(F, 3) numbers of vertices")
+        for what, array in (("vertices", vertices), ("triangles", faces)):
+            if array.ndim != 2 or array.shape[1] != 3 or not len(array):
+                raise SceneError(f"mesh: {what} of shape {array.shape}", legal="(N, 3), of three numbers each")
+        wrong = faces[(faces != np.rint(faces)) | (faces < 0) | (faces >= len(vertices))]
+        if len(wrong):
+            legal = f"whole numbers from 0 to {len(vertices) - 1}, of the vertices"
+            raise SceneError(f"mesh: a triangle has the vertex {wrong[0]:.15g}", legal=legal)
+        content, kind = vertices.tobytes() + faces.tobytes(), f"{len(vertices)} {len(faces)}"
+        arrays = np.array(vertices, np.float64), faces.astype(np.int64)
+        return _Source("mesh: the mesh of arrays", content, kind, Beside(Path()), arrays=arrays)
+    file = Path(input_file("mesh: source", source, "the name of a mesh file, or a pair of arrays"))
+    with reading("mesh", str(file), LEGAL):
+        content = file.read_bytes()
+    return _Source(f"mesh: '{file}'", content, file.suffix.lower(), Beside(file.parent), file)
+
+
+def _from_cache(kept: Path, beside: Beside) -> tuple[Node, list[str]] | None:
     """Samples of an earlier run and its repairs; None if there are none, or with a warning if they are damaged, or if
     another file that the mesh names has changed since."""
     if not kept.exists():
@@ -104,7 +138,7 @@ def _from_cache(kept: Path, file: Path) -> tuple[Node, list[str]] | None:
     if (found := disk.load(kept)) is None:
         warn(f"mesh: the cache file '{kept}' cannot be read: it is made anew")
         return None
-    if not Beside(file.parent).holds(dict(zip(found["names"].tolist(), found["digests"].tolist(), strict=True))):
+    if not beside.holds(dict(zip(found["names"].tolist(), found["digests"].tolist(), strict=True))):
         return None
     return sampled_grid(Samples(found["values"]), found["size"], found["centre"]), found["repairs"].tolist()
 
@@ -113,10 +147,10 @@ def _extent(what: str, value: Any) -> float:
     return real(what, value, float(np.finfo(np.float32).tiny), legal="a number > 0, or None")
 
 
-def _load_mesh(file: Path, content: bytes, beside: Beside, extent: float | None) -> tuple[Any, float, list[str]]:
+def _load_mesh(given: _Source, extent: float | None) -> tuple[Any, float, list[str]]:
     """The mesh, closed and with outward normals; the unit of its coordinates, about its size; and the repairs."""
-    solid = read_mesh(file, content, beside)
-    refuse_broken(f"mesh: '{file}'", ~np.isfinite(solid.vertices).all(axis=1), "vertices", "numbers")
+    solid = of_arrays(*given.arrays) if given.arrays else read_mesh(given.file, given.content, given.beside)
+    refuse_broken(given.what, ~np.isfinite(solid.vertices).all(axis=1), "vertices", "numbers")
     middle, largest = solid.bounds.mean(axis=0), float(solid.extents.max())
     unit = float(2.0 ** np.rint(np.log2(largest))) if largest > 0.0 else 1.0
     solid.apply_scale(1.0 / unit)  # first: the tolerances of trimesh are lengths, and it ignores small translations
@@ -124,8 +158,8 @@ def _load_mesh(file: Path, content: bytes, beside: Beside, extent: float | None)
     solid.merge_vertices(merge_tex=True, merge_norm=True)
     solid.update_faces(solid.nondegenerate_faces() & solid.unique_faces())
     if not len(solid.faces):
-        raise SceneError(f"mesh: '{file}' holds no triangles with an area", legal="a mesh that has an inside")
-    repairs = [f"mesh: '{file}': {repair}" for repair in _closed(solid, file)]
+        raise SceneError(f"{given.what}: no triangle has an area", legal="a mesh that has an inside")
+    repairs = [f"{given.what}: {repair}" for repair in _closed(solid, given.what)]
     if extent is None:
         solid.apply_translation(middle / unit)
     else:
@@ -133,19 +167,19 @@ def _load_mesh(file: Path, content: bytes, beside: Beside, extent: float | None)
     return solid, unit, repairs
 
 
-def _closed(solid: Any, file: Path) -> list[str]:
+def _closed(solid: Any, name: str) -> list[str]:
     """Orient the triangles of a mesh outwards; returns the repairs. SceneError if that is impossible."""
     edges, counts = np.unique(solid.edges_sorted, axis=0, return_counts=True)
     for wrong, what in ((counts < 2, "is not closed: {} edges have one triangle"), (counts > 2, _NON_MANIFOLD)):
         if wrong.any():
             cure = "a watertight mesh, which has an inside: close it in a modeller, or with trimesh.repair"
-            raise SceneError(f"mesh: '{file}' {what.format(int(wrong.sum()))} of {len(edges)}", legal=cure)
+            raise SceneError(f"{name} {what.format(int(wrong.sum()))} of {len(edges)}", legal=cure)
     turned, part = _wound_alike(solid.faces)
     if turned is None:
-        raise SceneError(f"mesh: '{file}' has one side only", legal="a mesh with an inside")
+        raise SceneError(f"{name} has one side only", legal="a mesh with an inside")
     original = solid.faces.copy()
     solid.faces = np.where(turned[:, None], original[:, ::-1], original)
-    turned ^= _inside_out(solid, part, file)
+    turned ^= _inside_out(solid, part, name)
     solid.faces = np.where(turned[:, None], original[:, ::-1], original)
     inverted = np.bincount(part, turned) == np.bincount(part)
     repairs = []
@@ -186,7 +220,7 @@ def _wound_alike(faces: NDArray[Any]) -> tuple[NDArray[np.bool_] | None, NDArray
     return label[:n] != label[first][part], part
 
 
-def _inside_out(solid: Any, part: NDArray[Any], file: Path) -> NDArray[np.bool_]:
+def _inside_out(solid: Any, part: NDArray[Any], name: str) -> NDArray[np.bool_]:
     """Triangles of the parts whose normals point to the wrong side: into a part, or out of a cavity that one has."""
     import trimesh
 
@@ -194,7 +228,7 @@ def _inside_out(solid: Any, part: NDArray[Any], file: Path) -> NDArray[np.bool_]
     each = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
     volumes = np.bincount(part, each)
     if np.any(np.abs(volumes) <= 1e-12 * np.bincount(part, solid.area_faces)):
-        raise SceneError(f"mesh: '{file}' has a part without volume", legal="parts that have an inside")
+        raise SceneError(f"{name} has a part without volume", legal="parts that have an inside")
     parts = [trimesh.Trimesh(solid.vertices, solid.faces[part == k]) for k in range(len(volumes))]
     around = [[j for j, other in enumerate(parts) if j != k and _holds(other, one)] for k, one in enumerate(parts)]
     outer = [volumes[k] < 0.0 and len(around[k]) % 2 == 0 for k in range(len(parts))]

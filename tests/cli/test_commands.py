@@ -296,6 +296,7 @@ BAD_CALLS = {
     "parameter out of range": (["render", "hello.py", "--set", "radius=9"], "hello.py:2: parameter 'radius' = 9"),
     "parameter of a wrong size": (["render", "hello.py", "--set", "radius=1,2"], "radius"),
     "parameter without value": (["render", "hello.py", "--set", "radius"], "NAME=VALUE"),
+    "parameter of a wrong size by a color": (["render", "hello.py", "--set", "radius=red"], "a number >= 0"),
     "parameter without number": (["render", "hello.py", "--set", "radius=big"], "radius=big"),
     "unknown view": (["render", "hello.py", "--view", "x"], "--view x"),
     "a slice of another view": (["render", "hello.py", "--slice", "y=0"], "--slice together with --view final"),

@@ -19,6 +19,7 @@ import raymarch as rm
 from raymarch.errors import SceneError
 from raymarch.expr.vocabulary import sin
 from raymarch.plan import plan
+from raymarch.scene.parameter import set_values
 from raymarch.scene.post import PostEffect
 from raymarch.scene.texture import Layout
 from raymarch.scene.value import Part, Value, parameters_of
@@ -240,3 +241,15 @@ def test_a_pickle_of_a_node_is_checked() -> None:
     ):
         with pytest.raises(SceneError):
             remake(wrong)
+
+
+def test_a_parameter_of_three_numbers_takes_a_color() -> None:
+    tint = rm.Param("tint", "tomato", 0, 1)
+    assert tint.data.value == pytest.approx(rm.Param("other", (1.0, 0.124772, 0.063010)).data.value, abs=1e-6)
+    specs = rm.Scene(rm.sphere().material(rm.Material(albedo=tint))).parameters
+    assert set_values(specs, {"tint": "#00f"}).params["tint"] == (0.0, 0.0, 1.0)
+    for wrong in ("toomato", "#00ff00ff"):
+        with pytest.raises(SceneError, match="tint"):
+            set_values(specs, {"tint": wrong})
+    with pytest.raises(SceneError, match="a number"):
+        set_values(rm.Scene(rm.sphere(rm.Param("r", 1.0, 0.5, 2.0))).parameters, {"r": "red"})

@@ -187,3 +187,31 @@ def test_a_mesh_names_no_file_outside_of_its_folder(name: str, tmp_path: Path) -
     scene.write_text(made["model.gltf"].decode().replace(buffer, name))
     with pytest.raises(SceneError, match="in its folder"):
         mesh(scene, resolution=8, cache=tmp_path)
+
+
+def test_arrays_are_the_mesh_of_their_file(tmp_path: Path) -> None:
+    ball = trimesh.creation.icosphere(2)
+    ball.export(tmp_path / "ball.ply")
+    points = np.random.default_rng(0).uniform(-1.5, 1.5, (200, 3))
+    read = mesh(tmp_path / "ball.ply", resolution=16).distance(points)
+    for given in ((ball.vertices, ball.faces), [ball.vertices.tolist(), ball.faces.tolist()], ball):
+        np.testing.assert_allclose(mesh(given, resolution=16).distance(points), read, atol=1e-6)
+    with pytest.warns(SceneWarning, match="the mesh of arrays: it is inside out"):
+        mesh((ball.vertices, ball.faces[:, ::-1]), resolution=16)
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "words"),
+    [
+        (np.zeros((4, 2)), [[0, 1, 2]], r"vertices of shape \(4, 2\) \(\(N, 3\)"),
+        (np.zeros((4, 3)), [[0, 1, 4]], "has the vertex 4 .whole numbers from 0 to 3"),
+        (np.zeros((4, 3)), [[0, 1, 1.5]], "has the vertex 1.5"),
+        (np.zeros((4, 3)), [[0, 1, -1]], "has the vertex -1"),
+        (np.full((4, 3), np.nan), [[0, 1, 2]], "vertices"),
+        (np.eye(3), [[0, 1, 2]], "the mesh of arrays is not closed"),
+        ("abc", [[0, 1, 2]], "mesh: vertices = 'abc'"),
+    ],
+)
+def test_arrays_that_are_no_mesh_are_refused(vertices: object, faces: object, words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        mesh((vertices, faces))
