@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,13 +10,8 @@ from raymarch.export.inputs import declarations, inputs, planned, refuse_texture
 from raymarch.scene.parameter import Spec, Values
 from raymarch.scene.scene import Scene
 
-WORD = re.compile(
-    r"//[^\n]*|\s+|0[xX][0-9a-fA-F]+u?|(?:\d+\.\d*|\.\d+|\d+)(?:[eE][-+]?\d+)?u?|[A-Za-z_]\w*"
-    r"|<<=|>>=|[-+*/%&|^=<>!]=|&&|\|\||\+\+|--|<<|>>|.",
-    re.DOTALL,
-)
-NAME = re.compile(r"[A-Za-z_]\w*$")
-
+PAIRS = frozenset("-= += *= /= %= &= |= ^= == <= >= != && || ++ -- << >>".split())
+"""Marks of two characters."""
 
 PIXEL = "pixel_center"
 """The variable that has the coordinates of the pixel's centre, in place of that of GLSL; only if a part reads it."""
@@ -54,7 +48,7 @@ class Declared:
     @cached_property
     def names(self) -> frozenset[str]:
         """The names that stand in it."""
-        return frozenset(word for word in self.words if NAME.match(word))
+        return frozenset(word for word in self.words if word.isidentifier())
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,9 +82,60 @@ def translated(scene: Scene, values: Values, form: str) -> Translated:
 
 def without_macros(text: str) -> str:
     """The text with what the names of its macros stand for."""
-    macros = dict(re.findall(r"^#define (\w+) (.+)$", text, re.MULTILINE))
-    text = re.sub(r"^#define .*\n", "", text, flags=re.MULTILINE)
-    return re.sub(r"\b\w+\b", lambda found: macros.get(found[0], found[0]), text)
+    macros, kept = dict[str, str](), list[str]()
+    for line in text.split("\n"):
+        word, _, rest = line.partition(" ")
+        name, _, value = rest.partition(" ")
+        if word != "#define":
+            kept.append(line)
+        elif value and name.isidentifier():
+            macros[name] = value
+    return "".join(macros.get(word, word) for word in words_of("\n".join(kept)))
+
+
+def words_of(text: str) -> list[str]:
+    """The words, marks, comments and spaces of a text, in order; together they are the text."""
+    found, at = list[str](), 0
+    while at < len(text):
+        end = _end(text, at)
+        found.append(text[at:end])
+        at = end
+    return found
+
+
+def _end(text: str, at: int) -> int:
+    """Where the word ends that begins at a place."""
+    if text.startswith("//", at):
+        end = text.find("\n", at)
+        return len(text) if end < 0 else end
+    if text[at].isspace():
+        return _after(text, at, str.isspace)
+    if text[at].isidentifier():
+        return _after(text, at, lambda mark: mark.isalnum() or mark == "_")
+    if text[at].isdigit() or (text[at] == "." and text[at + 1 : at + 2].isdigit()):
+        return _end_of_number(text, at)
+    three, two = text[at : at + 3], text[at : at + 2]
+    return at + (3 if three in ("<<=", ">>=") else 2 if two in PAIRS else 1)
+
+
+def _end_of_number(text: str, at: int) -> int:
+    if text[at : at + 2] in ("0x", "0X"):
+        end = _after(text, at + 2, lambda mark: mark in "0123456789abcdefABCDEF")
+    else:
+        end = _after(text, at, str.isdigit)
+        if text[end : end + 1] == ".":
+            end = _after(text, end + 1, str.isdigit)
+        if text[end : end + 1] in ("e", "E"):
+            first = end + 1 + (text[end + 1 : end + 2] in ("+", "-"))
+            end = _after(text, first, str.isdigit) if text[first : first + 1].isdigit() else end
+    return end + (text[end : end + 1] == "u")
+
+
+def _after(text: str, at: int, holds: Callable[[str], bool]) -> int:
+    """The first place from one on at which a mark is of another kind."""
+    while at < len(text) and holds(text[at]):
+        at += 1
+    return at
 
 
 def split(text: str) -> list[Declared]:
@@ -98,7 +143,7 @@ def split(text: str) -> list[Declared]:
     found: list[Declared] = []
     words: list[str] = []
     depth = 0
-    for word in WORD.findall(text):
+    for word in words_of(text):
         beside = not words and found and (word.startswith("//") or (word.isspace() and "\n" not in word))
         if beside:
             found[-1].words.append(word)

@@ -6,12 +6,11 @@ products exchange their operands.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
 from raymarch.errors import PlanError
 from raymarch.export.inputs import Text
-from raymarch.export.translated import NAME, PIXEL, Declared, Input, closing, translated
+from raymarch.export.translated import PIXEL, Declared, Input, closing, translated
 from raymarch.expr.walk import find
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
@@ -106,6 +105,10 @@ def _input(given: Input) -> str:
     return f"    {TYPES.get(given.type, given.type)} {_own(given.name)};  // {value}: {given.note}"
 
 
+MATRICES = frozenset(f"mat{n}" for n in (2, 3, 4))
+VECTORS = frozenset(f"{kind}vec{n}" for kind in ("", "i", "u", "b") for n in (2, 3, 4))
+
+
 def _own(name: str) -> str:
     """A name of the shader, which no word of HLSL is."""
     return f"{name}_" if name in WORDS else name
@@ -114,8 +117,14 @@ def _own(name: str) -> str:
 def _fields(struct: Declared) -> list[tuple[str, str]]:
     """The types and names of the fields of a struct, in HLSL."""
     code = [w for w in struct.words if not w.isspace() and not w.startswith("//")]
-    inner = " ".join(code[code.index("{") + 1 : code.index("}")])
-    return [(TYPES.get(kind, kind), _own(name)) for kind, name in re.findall(r"(\w+) (\w+) (?:\[ \d+ \] )?;", inner)]
+    found, field = [], list[str]()
+    for word in code[code.index("{") + 1 : code.index("}")]:
+        field.append(word)
+        if word == ";":
+            at = field.index("[") if "[" in field else len(field) - 1
+            found.append((TYPES.get(field[at - 2], field[at - 2]), _own(field[at - 1])))
+            field = []
+    return found
 
 
 def _maker(struct: Declared) -> str:
@@ -133,7 +142,7 @@ def _written(part: Declared, structs: set[str]) -> list[str]:
     made: list[str] = []
     for i, word in enumerate(words):
         before, after = (words[i - 1] if i else ""), (words[i + 1] if i + 1 < len(words) else "")
-        if before == "." or not (NAME.match(word) or word == PRODUCT):
+        if before == "." or not (word.isidentifier() or word == PRODUCT):
             made.append(word)
         elif after == "(" and word in structs:
             made.append(f"make_{word}")
@@ -150,7 +159,7 @@ def _written(part: Declared, structs: set[str]) -> list[str]:
         else:
             made.append(TYPES.get(word, _own(word)))
     if part.kind == "variable":
-        first = next(i for i, word in enumerate(made) if NAME.match(word))
+        first = next(i for i, word in enumerate(made) if word.isidentifier())
         made[first] = f"static {made[first]}"
         _initializer(made)
     return made
@@ -191,12 +200,12 @@ def _operand(words: Sequence[str], start: int) -> int:
 
 def _products(words: list[str]) -> list[str]:
     """Words in which the product of a matrix and an operand is a call of `mul`."""
-    matrices = {words[i + 2] for i, w in enumerate(words[:-2]) if re.fullmatch(r"mat\d", w) and words[i + 1].isspace()}
+    matrices = {words[i + 2] for i, w in enumerate(words[:-2]) if w in MATRICES and words[i + 1].isspace()}
     matrices |= {"u_camera_frame"}
     i = 0
     while i < len(words):
         named = words[i] in matrices and (i == 0 or words[i - 1] != ".")
-        made = re.fullmatch(r"mat\d", words[i]) and words[i + 1] == "("
+        made = words[i] in MATRICES and words[i + 1] == "("
         if named or made:
             end = closing(words, i + 1) + 1 if made else _operand(words, i)
             times = next((k for k in range(end, len(words)) if not words[k].isspace()), len(words) - 1)
@@ -228,7 +237,7 @@ def _equalities(words: Sequence[str]) -> list[str]:
     """Words in which the comparison with a vector is one truth value, as in GLSL."""
     made = list(words)
     for i in range(len(made) - 3, 0, -1):
-        if made[i] in ("==", "!=") and re.fullmatch(r"[iub]?vec\d", made[i + 2]):
+        if made[i] in ("==", "!=") and made[i + 2] in VECTORS:
             end, start = _operand(made, i + 2), i - 2
             while made[start - 1] == ".":
                 start -= 2

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from typing import Any
 
 from raymarch.export.inputs import Text, declarations, inputs, planned, refuse_textures, shader_of
@@ -86,5 +85,5 @@ def text_of(scene: Scene, values: Values) -> Text:
 
 def _numbers(text: str) -> float | list[float]:
     """The numbers of a GLSL literal, such as vec2(1.0, 2.0)."""
-    found = [float(number) for number in re.findall(r"-?[\d.]+(?:e[-+]?\d+)?", text.partition("(")[2] or text)]
+    found = [float(number) for number in (text.partition("(")[2].rstrip(")") or text).split(",")]
     return found if "(" in text else found[0]
