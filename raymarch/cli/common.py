@@ -17,7 +17,6 @@ import typer
 from rich.console import Console
 
 from raymarch.errors import RaymarchError, SceneError, printable
-from raymarch.expr.colors import linear_color
 
 
 class Errors(Console):
@@ -128,6 +127,8 @@ def _numbers(text: str) -> list[float]:
     try:
         return [float(part) for part in text.split(",")]
     except ValueError:
+        from raymarch.expr.colors import linear_color  # the help imports no expressions
+
         with suppress(SceneError):
             return list(linear_color("--set", text))
         return []
