@@ -317,7 +317,7 @@ def test_options_of_other_forms_are_refused(tmp_path: Path) -> None:
     ball = rm.Scene(rm.sphere())
     assert "cells = 8 for a .glsl file (with .stl" in refused(ball, tmp_path, cells=8)
     assert "unknown parameter 'x'" in refused(ball, tmp_path, params={"x": 1})
-    with pytest.raises(RaymarchError, match=r"cannot export '.*made.xyz' \(a file ending in .glsl"):
+    with pytest.raises(RaymarchError, match=r"cannot export '.*made.xyz' \(a file ending in .gdshader, .glsl"):
         rm.export(ball, tmp_path / "made.xyz")
     with pytest.raises(RaymarchError, match=r"no/made.glsl': No such file or directory"):
         rm.export(ball, tmp_path / "no" / "made.glsl")

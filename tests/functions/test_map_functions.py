@@ -42,7 +42,7 @@ SLANTED = np.array([[0.36, 0.48, 0.8], [0.6, 0.0, -0.8], [0.0, 0.96, 0.28], [0.0
 def seen(egl: Context, part: str, normals: object, views: object, gradients: object) -> NDArray[np.float32]:
     """A vector of the surface, for each normal, direction to the eye and bump gradient of the map."""
     made = "\n".join(line.text for line in print_functions([footprint_axis, shading_normal]).lines())
-    names = ("light/surface_mapped", "light/interaction_mapped")
+    names = ("light/visible_side", "light/bent_normal", "light/surface_mapped", "light/interaction_mapped")
     text = modules(*names, before=f"{BEFORE}{made}", variants=frozenset({"RELIEF"}))
     return run(
         egl, text + AFTER, f"seen({{0}}, {{1}}, {{2}}).{part}", [(VEC3, v) for v in (normals, views, gradients)], 3

@@ -16,7 +16,7 @@ LIMITS = {
     "columns": (16, 11.5),
     "implicit": (10, 21.0),
     "mandelbulb": (16, 16.0),
-    "papers/smoothing": (12, 12.0),
+    "papers/smoothing": (10, 12.0),  # 12 with steps of values alone in soft shadows, at 3 times the evaluations
     "village": (8, 47.0),
     "papers/glass": (10, 17.5),
     "large/forest": (16, 13.0),
