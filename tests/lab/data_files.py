@@ -35,7 +35,7 @@ import raymarch as rm
 from raymarch.cost import baseline
 from raymarch.errors import RaymarchError
 from raymarch.files import read_json, reading
-from raymarch.plan import cells, kept_cells
+from raymarch.plan import kept_cells
 from raymarch.plan.gather import gather
 from raymarch.scene.file import load
 from raymarch.scene.quality import PRESETS, Quality
@@ -173,7 +173,7 @@ PLACES = np.random.default_rng(2).uniform(-2.0, 2.0, (40, 3))
 def built_cells(file: Path) -> Any:
     with mock.patch.multiple(kept_cells, KEPT_FROM=10, KEPT_SECONDS=0.0):
         (rows,) = gather(rm.union(*[rm.sphere(0.2).translate(p) for p in PLACES]), "data", 0.0).rows
-        made = cells.build(rows, 0.1)
+        made = kept_cells.build(rows, 0.1)
     return [getattr(made, f.name) for f in dataclasses.fields(made)]
 
 
