@@ -23,8 +23,9 @@ from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.quality import SINGLE_PASS
 from raymarch.scene.scene import Scene
 from raymarch.scene.sky import Sky
+from raymarch.sdf.evaluation import evaluate_both, field_of
 from raymarch.sdf.labels import relabelled
-from raymarch.sdf.lower import Lowering, evaluate_both, field_of
+from raymarch.sdf.lower import Lowering
 from raymarch.sdf.placing import with_label
 
 ARRAYS = tuple(name for name in OUTPUTS if name not in ("slice", "cycles"))

@@ -22,7 +22,7 @@ from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.raw import without_twin
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene
-from raymarch.sdf.lower import lower
+from raymarch.sdf.evaluation import lower
 from raymarch.sdf.node import Node
 from raymarch.truth.field import Field
 from raymarch.truth.large import field_of

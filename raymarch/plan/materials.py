@@ -25,16 +25,9 @@ from raymarch.scene.fields import FIELDS, GLASS, PHYSICAL, RELIEF
 from raymarch.scene.material import Material
 from raymarch.scene.scene import Scene
 from raymarch.scene.surfaces import bsdf_of
+from raymarch.sdf.interaction import LOCAL_INTERACTION, SCENE_INTERACTION, interaction_at, material_expressions
 from raymarch.sdf.labels import seen_labels
-from raymarch.sdf.lower import (
-    LOCAL_INTERACTION,
-    SCENE_INTERACTION,
-    BoundedParts,
-    Group,
-    Lowering,
-    interaction_at,
-    material_expressions,
-)
+from raymarch.sdf.lower import BoundedParts, Group, Lowering
 from raymarch.sdf.node import Node
 from raymarch.sdf.rows import Slot
 from raymarch.sdf.weights import weights_of

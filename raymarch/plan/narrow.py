@@ -19,8 +19,9 @@ from raymarch.expr.node import expr
 from raymarch.expr.operations import operations_of
 from raymarch.scene.light import Light
 from raymarch.scene.scene import Scene
+from raymarch.sdf.evaluation import evaluate_both, in_blocks
 from raymarch.sdf.levels import to_surface
-from raymarch.sdf.lower import Lowering, evaluate_both, in_blocks
+from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
 from raymarch.sdf.same import remembered
 

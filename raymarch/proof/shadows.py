@@ -20,8 +20,8 @@ from raymarch.scene.material import Material
 from raymarch.scene.parameter import ParamValue, Values
 from raymarch.scene.scene import Scene
 from raymarch.scene.sky import Sky
+from raymarch.sdf.evaluation import evaluate_gradient
 from raymarch.sdf.labels import relabelled
-from raymarch.sdf.lower import evaluate_gradient
 from raymarch.sdf.node import Node
 from raymarch.truth.light import incoming
 

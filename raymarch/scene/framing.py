@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from raymarch.expr.arrays import bound, evaluator_of
 from raymarch.expr.raw import without_twin
 from raymarch.expr.walk import find
+from raymarch.sdf.evaluation import field_of
 from raymarch.sdf.facts import around
-from raymarch.sdf.lower import field_of
 from raymarch.sdf.node import Node, all_nodes
 
 Points: TypeAlias = NDArray[np.float64]

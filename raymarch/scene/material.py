@@ -23,7 +23,7 @@ from raymarch.scene.relief import FLAT, bump_gradient, height_field
 from raymarch.scene.texture import Texture
 from raymarch.scene.value import Value, value
 from raymarch.sdf.domain import Scalar
-from raymarch.sdf.lower import POSITION, depends_on_interaction
+from raymarch.sdf.interaction import POSITION, depends_on_interaction
 
 if TYPE_CHECKING:
     from raymarch.scene.bsdf import BSDF

@@ -24,7 +24,7 @@ from raymarch.scene.map_arithmetic import MapExpression
 from raymarch.scene.parameter import as_color, as_number
 from raymarch.scene.texture import Texture, share_projection
 from raymarch.sdf.domain import ColorLike, Scalar, as_operand
-from raymarch.sdf.lower import DPDN, DPDX, DPDY, NORMAL, POSITION, depends_on_interaction
+from raymarch.sdf.interaction import DPDN, DPDX, DPDY, NORMAL, POSITION, depends_on_interaction
 
 FloatOrTexture: TypeAlias = Scalar | Texture | Callable[[Expr], Operand]
 """A number, a texture, or a function of the point."""

@@ -26,8 +26,8 @@ from raymarch.scene.camera import Pose
 from raymarch.scene.light import Light
 from raymarch.scene.parameter import Values, set_values
 from raymarch.scene.scene import Scene
+from raymarch.sdf.evaluation import lower
 from raymarch.sdf.levels import has_levels
-from raymarch.sdf.lower import lower
 from raymarch.sdf.shifted import shifted
 from raymarch.sdf.visibility import FAR_AWAY, hiding_nodes
 

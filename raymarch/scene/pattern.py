@@ -17,7 +17,7 @@ from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import abs, clamp, dot, floor, length, max, mix, mod, sin, vec2, where
 from raymarch.scene.parameter import LEAST_LENGTH, as_number
 from raymarch.sdf.domain import ColorLike, Scalar, as_operand
-from raymarch.sdf.lower import DPDX, DPDY, POSITION
+from raymarch.sdf.interaction import DPDX, DPDY, POSITION
 from raymarch.sdf.noise import value_noise
 
 Pattern: TypeAlias = Callable[[Expr], Expr]

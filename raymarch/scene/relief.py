@@ -21,7 +21,7 @@ from raymarch.scene.map_arithmetic import MapExpression
 from raymarch.scene.parameter import MOST_LENGTH, as_number
 from raymarch.scene.texture import Texture
 from raymarch.sdf.domain import as_operand
-from raymarch.sdf.lower import DPDN, DPDX, DPDY, NORMAL, POSITION, SCENE_INTERACTION
+from raymarch.sdf.interaction import DPDN, DPDX, DPDY, NORMAL, POSITION, SCENE_INTERACTION
 
 FLAT = expr((0.0, 0.0, 0.0))
 

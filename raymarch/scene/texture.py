@@ -25,7 +25,7 @@ from raymarch.scene.parameter import LEAST_LENGTH, MOST_LENGTH, as_number
 from raymarch.scene.picture import Array, Picture, Stored, stored_of, values_for
 from raymarch.scene.value import Value, value
 from raymarch.sdf.domain import Scalar
-from raymarch.sdf.lower import DPDX, DPDY, NORMAL, POSITION
+from raymarch.sdf.interaction import DPDX, DPDY, NORMAL, POSITION
 
 FACES = {"x": ((2, -1.0), (1, 1.0)), "y": ((0, 1.0), (2, -1.0)), "z": ((0, 1.0), (1, 1.0))}
 """For each projection axis, the axes across and up the picture, with signs. The picture is upright as seen from the

@@ -6,7 +6,7 @@ Public are the names that the modules list. What is a method of nodes can be cal
 import sys
 from typing import TYPE_CHECKING
 
-from raymarch.sdf import lower as _lower  # these register how a node is evaluated, printed and pickled
+from raymarch.sdf import evaluation as _evaluation  # these register how a node is evaluated, printed and pickled
 from raymarch.sdf import pickling as _pickling
 from raymarch.sdf import queries as _queries
 from raymarch.sdf.affine import transform
@@ -17,7 +17,7 @@ from raymarch.sdf.cells import *
 from raymarch.sdf.copies import polar, repeat_interval, repeat_mirrored
 from raymarch.sdf.curves import *
 from raymarch.sdf.definition import *
-from raymarch.sdf.deform import bend, displace, elongate, offset, round, shear, shell, taper, twist, wrap_around
+from raymarch.sdf.deform import bend, displace, shear, taper, twist, wrap_around
 from raymarch.sdf.flat import *
 from raymarch.sdf.flat_curves import *
 from raymarch.sdf.folds import *
@@ -33,6 +33,7 @@ from raymarch.sdf.meshes import *
 from raymarch.sdf.node import *
 from raymarch.sdf.noise import *
 from raymarch.sdf.noise import displace_by, displace_by_noise
+from raymarch.sdf.offsets import elongate, offset, round, shell
 from raymarch.sdf.periodic import *
 from raymarch.sdf.placing import material, mirror, orient, rotate, scale, translate
 from raymarch.sdf.polyhedra import *

@@ -32,7 +32,7 @@ from raymarch.sdf.heights_ahead import free_over
 from raymarch.sdf.implicit_ahead import free_way
 from raymarch.sdf.intersections import interval_of_ray
 from raymarch.sdf.labels import flattened, rows_of
-from raymarch.sdf.lower import Lowering, reading_of
+from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node, children_first
 from raymarch.sdf.pieces import borders
 from raymarch.sdf.readings import (
@@ -45,7 +45,7 @@ from raymarch.sdf.readings import (
     union_of,
 )
 from raymarch.sdf.same import remembered
-from raymarch.sdf.values import BOUND
+from raymarch.sdf.values import BOUND, reading_of
 from raymarch.sdf.visibility import shown
 from raymarch.sdf.ways import Line, way_out
 

@@ -19,8 +19,8 @@ from raymarch.sdf.affine import affine
 from raymarch.sdf.definition import shape
 from raymarch.sdf.derivation import divisor_of
 from raymarch.sdf.domain import Domain
+from raymarch.sdf.evaluation import lower
 from raymarch.sdf.facts import Facts
-from raymarch.sdf.lower import lower
 from raymarch.sdf.node import Node, solid
 from raymarch.sdf.placing import material, refuse_label, translate
 from raymarch.sdf.regions import Turned

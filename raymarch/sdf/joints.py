@@ -19,9 +19,9 @@ from raymarch.expr.walk import find
 from raymarch.sdf.booleans import balanced, first, hull, spread_of_first, widest
 from raymarch.sdf.definition import EVERYWHERE, Child, ChildFacts, combination, operator
 from raymarch.sdf.domain import Fraction, Positive, Scalar, Vec3, Vector, as_operand
+from raymarch.sdf.evaluation import evaluate_undivided
+from raymarch.sdf.evaluation import lower as lower_field
 from raymarch.sdf.facts import Facts
-from raymarch.sdf.lower import evaluate_undivided
-from raymarch.sdf.lower import lower as lower_field
 from raymarch.sdf.node import Node, called_by_nodes, method
 from raymarch.sdf.placing import unmoved
 

@@ -19,7 +19,7 @@ from raymarch.expr.intervals import interval_of
 from raymarch.expr.samples import Samples
 from raymarch.expr.vocabulary import clamp, length, vec3
 from raymarch.sdf.definition import PLACED
-from raymarch.sdf.lower import evaluate_both, evaluate_undivided, undivided_field
+from raymarch.sdf.evaluation import evaluate_both, evaluate_undivided, undivided_field
 from raymarch.sdf.node import Node, all_nodes
 from raymarch.sdf.same import remembered
 

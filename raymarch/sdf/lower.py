@@ -6,8 +6,7 @@ function. The rest is one expression, in which equal subtrees are one object.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import cycle
@@ -16,25 +15,21 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.conveniences import carried_out_by
 from raymarch.errors import Location, SceneError
-from raymarch.expr.arrays import bound, evaluator_of
-from raymarch.expr.convert import real, short
-from raymarch.expr.derivative import companion, directional_derivatives
 from raymarch.expr.faults import Passage
-from raymarch.expr.function import Function, Stated, sum_of
-from raymarch.expr.glsl import print_functions
-from raymarch.expr.node import Expr, const, construct, make, var
+from raymarch.expr.function import Function, sum_of
+from raymarch.expr.node import Expr, const, make, var
 from raymarch.expr.partials import ONE
 from raymarch.expr.types import FLOAT, MAT3, VEC3, vector
-from raymarch.expr.vocabulary import clamp, cross, dot, length, max, min, normalize, stop_gradient, where
+from raymarch.expr.vocabulary import clamp, min, stop_gradient
 from raymarch.expr.walk import find, free_variables, rebuild, rewrite, run, substitute, topological
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.facts import FARTHEST
+from raymarch.sdf.interaction import POSITION, cells_of, depends_on_interaction
 from raymarch.sdf.labels import cutting, flattened, rows_of
-from raymarch.sdf.node import Node, called_by_nodes
+from raymarch.sdf.node import Node
 from raymarch.sdf.placement import turn_of
-from raymarch.sdf.values import BOUND, FLOOR
+from raymarch.sdf.values import FLOOR, from_box, reading_of
 from raymarch.sdf.visibility import RAY_KIND, shown
 from raymarch.sdf.weights import distance_scale
 
@@ -59,73 +54,6 @@ UNLABELLED = _Unlabelled()
 
 PARTS = object()
 """Replaces a label: each shape is marked, with the point in its object space. Materials are ignored."""
-
-
-POSITION = var("position of the label", VEC3)
-"""In the expressions of a label: the point in the label's space, in which the label was given to its node."""
-
-
-NORMAL, DPDX, DPDY, DPDN = (var(f"{name} of the label", VEC3) for name in ("normal", "dpdx", "dpdy", "dpdn"))
-"""The surface interaction in that space: the unit normal, and the images under the Jacobian of the axes of the pixel's
-footprint on the surface (DPDX, DPDY) and of the unit normal of the scene (DPDN)."""
-
-SCENE_INTERACTION = tuple(var(name, VEC3) for name in ("normal", "dpdx", "dpdy"))
-"""The surface interaction in scene space: the outward unit normal and the axes of the footprint. The axes are as long
-as the footprint and perpendicular to the normal and to each other."""
-
-LOCAL_INTERACTION = tuple(var(f"local_{name}", VEC3) for name in ("normal", "dpdx", "dpdy"))
-"""Their images under the Jacobian of the transforms above a union whose materials are evaluated by a function of its
-own. The normal is not of unit length."""
-
-
-def depends_on_interaction(expressions: Iterable[Expr]) -> bool:
-    """True if some expressions of a label depend on the normal or the footprint of the surface interaction."""
-    return not {NORMAL, DPDX, DPDY, DPDN, *SCENE_INTERACTION}.isdisjoint(free_variables(expressions))
-
-
-def cells_of(label: Any) -> list[Expr]:
-    """The cells on whose index a label depends: those in its list `expressions`."""
-    return find(getattr(label, "expressions", ()), "cell")
-
-
-def material_expressions(mark: Expr, interaction: Sequence[Expr] = SCENE_INTERACTION) -> list[Expr]:
-    """The `expressions` of a mark's label, at the point and in the cell of the marked part.
-
-    interaction : normal and footprint in the space of `p`: `SCENE_INTERACTION` or `LOCAL_INTERACTION`.
-    """
-    _, at, *cells = mark.args
-    here = at if at.type is VEC3 else construct(at, 0.0)
-    known = {POSITION: here, **dict(zip(cells_of(mark.data), cells, strict=True))}
-    if depends_on_interaction(mark.data.expressions):
-        known |= _interaction_at(here, at.type is not VEC3, interaction)
-    return substitute(mark.data.expressions, known)
-
-
-def interaction_at(here: Expr, interaction: Sequence[Expr]) -> list[Expr]:
-    """The images of normal and footprint under the Jacobian of `here`, a function of the point `p`."""
-    return directional_derivatives(here, var("p", VEC3), interaction)
-
-
-def _interaction_at(here: Expr, flat: bool, interaction: Sequence[Expr]) -> dict[Expr, Expr]:
-    """Normal and footprint in the label's space, in which a point of the scene is `here`.
-
-    Tangents are transformed by the Jacobian J of `here`, normals by the inverse transpose of J. The cross product of
-    two transformed tangents has the direction of the transformed normal, but the opposite sign if J is a reflection.
-    For flat shapes J is singular: side walls keep the image of their normal, and all other surfaces get the normal of
-    the plane.
-    """
-    dpdn, dpdx, dpdy = interaction_at(here, interaction)
-    if dpdn is SCENE_INTERACTION[0]:
-        normal = dpdn
-    else:
-        product = cross(dpdx, dpdy)
-        if flat:
-            wall = dot(product, product) < 1e-6 * dot(dpdx, dpdx) * dot(dpdy, dpdy)
-            normal = normalize(where(wall, dpdn, product))
-            dpdn = where(wall, dpdn, normal)
-        else:
-            normal = normalize(where(dot(product, dpdn) < 0.0, -product, product))
-    return {NORMAL: normal, DPDN: dpdn, DPDX: dpdx, DPDY: dpdy}
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -346,7 +274,7 @@ class Lowering:
         if (label is UNMARKED or not children) and node.definition.estimates(node):
             inside = clamp(point, *(np.clip(end, -FARTHEST, FARTHEST) for end in (node.facts.lower, node.facts.upper)))
             value = yield from self._substituted(node, children, inside, label, undivided)
-            return _from_box(value, point - inside)
+            return from_box(value, point - inside)
         return (yield from self._substituted(node, children, point, label, undivided))
 
     def _substituted(self, node: Node, children: Sequence[Node], point: Expr, label: Any, undivided: bool) -> Work:
@@ -541,24 +469,6 @@ def rewritten(
     return new
 
 
-def _from_box(inside: Expr, gap: Expr) -> Expr:
-    """An estimate at a point `gap` away from the nearest point of a box around the solid, where its value is `inside`.
-
-    Estimates grow faster than the distance far from their solid. The box is convex, so any point s of it is at least
-    sqrt(|gap|^2 + |s - q|^2) away, q being the nearest point: an estimate that is no larger than the distance at q
-    gives one that is no larger at the point.
-    """
-    return where(dot(gap, gap) > 0.0, length(construct(gap, max(inside, 0.0))), inside)
-
-
-def reading_of(template: Function, undivided: bool) -> Function:
-    """A definition as it is written, or the bound that it states in place of its divided value."""
-    if template.body.data is not BOUND:
-        return template
-    body = template.body.args[0 if undivided else 1]
-    return template.once(("reading", undivided), lambda: replace(template, body=body, derived={}, stated=Stated()))
-
-
 def _unlabelled(node: Node) -> Node:
     """The node below labels."""
     while node.label is not None:
@@ -587,91 +497,3 @@ def _evaluations(node: Node) -> list[int]:
         return [asked.count(i) for i in range(len(node.children))]
 
     return template.once("evaluations", count)
-
-
-def lower(node: Node) -> Function:
-    """The field of a node as a function `float field(vec3 p)`."""
-    return Lowering().field(node)
-
-
-BLOCK = 1 << 14
-"""Points that are evaluated at once; this limits the size of temporary arrays."""
-
-
-@called_by_nodes
-def evaluate_distance(node: Node, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distances in float64; see `Node.distance`."""
-    return in_blocks(field_of(node), points, ()).reshape(points.shape[:-1])
-
-
-@called_by_nodes
-def values_bound(node: Node, time: float, params: Mapping[str, Any] | None) -> AbstractContextManager[None]:
-    """Bind the time and values of parameters for an evaluation, if any are given; see `Node.distance`."""
-    seconds = real("time", time)
-    if not params and seconds == 0.0:
-        return nullcontext()  # the defaults, or what is bound around the call
-    if not params:
-        carried_out_by("warn_of_values")(node, {}, seconds)
-        return bound({}, seconds)
-    specs = {leaf.data.name: leaf.data for leaf in find(field_of(node).inner, "param")}
-    for name in params:
-        if name not in specs:
-            known = ", ".join(sorted(specs)) or "none; this solid has no Param"
-            raise SceneError(f"unknown parameter '{name}' = {short(params[name])}", legal=f"one of: {known}")
-    known_values = {name: specs[name].accept(value) for name, value in params.items()}
-    carried_out_by("warn_of_values")(node, known_values, seconds)
-    return bound(known_values, seconds)
-
-
-def undivided_field(node: Node) -> Function:
-    """The field of a node before it is divided, for evaluation."""
-    if not node.facts.divided:
-        return field_of(node)
-    return field_of(node).once("undivided", lambda: Lowering().field(node, undivided=True))
-
-
-def evaluate_undivided(node: Node, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values of the field before it is divided, in float64; points has shape (N, dimension)."""
-    return in_blocks(undivided_field(node), points, ())
-
-
-def evaluate_both(field: Function, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Values and gradients of a field, in float64: (N,) and (N, dimension)."""
-    found = in_blocks(companion(field), points, (points.shape[1] + 1,))
-    return found[:, -1], found[:, :-1]
-
-
-@called_by_nodes
-def evaluate_gradient(node: Node, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Gradients in float64; see `Node.gradient`."""
-    size = points.shape[-1]
-    return in_blocks(companion(field_of(node)), points, (size + 1,))[..., :size].reshape(points.shape)
-
-
-def field_of(node: Node) -> Function:
-    """The field of a node for evaluation: a node is lowered once."""
-    if node._field is None:
-        node._field = lower(node)
-    return node._field
-
-
-def in_blocks(definition: Function, points: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Values of a function of a point, each of `shape`, for all points in order."""
-    value = evaluator_of(definition)
-    flat = points.reshape(-1, points.shape[-1])
-    result = np.empty((len(flat), *shape))
-    for i in range(0, len(flat), BLOCK):
-        result[i : i + BLOCK] = value(flat[i : i + BLOCK])[0]
-    return result
-
-
-@called_by_nodes
-def print_field(node: Node) -> str:
-    """GLSL of the field alone; see `Node.glsl`."""
-    text = print_functions([lower(node)])
-    uniforms = [f"uniform {leaf.type} {name};" for name, leaf in text.uniforms.items()]
-    if text.uses_time:
-        uniforms.append("uniform float u_time;")
-    uniforms += [f"uniform sampler{data.dimension}D {name};" for name, data in text.samples.items()]
-    lines = [line.text for line in text.lines()]
-    return "\n".join([*uniforms, *([""] if uniforms else []), *lines]) + "\n"

@@ -23,9 +23,9 @@ from raymarch.expr.samples import Samples, sample
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import clamp, length, max, min, vec2
 from raymarch.sdf.definition import shape
-from raymarch.sdf.deform import offset
 from raymarch.sdf.domain import Data, Domain, Scalar, Size3, Vec3, Vector
 from raymarch.sdf.node import Node
+from raymarch.sdf.offsets import offset
 from raymarch.sdf.solids import box
 from raymarch.sdf.values import with_bound
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from raymarch.expr.node import const
 from raymarch.expr.walk import find, run, topological
 from raymarch.sdf.affine import affine
-from raymarch.sdf.lower import POSITION
+from raymarch.sdf.interaction import POSITION
 from raymarch.sdf.node import Node, at_line_of, replaced
 from raymarch.sdf.placement import affine_of, at_point, offset_of
 from raymarch.sdf.placing import translate

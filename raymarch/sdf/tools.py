@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from raymarch.errors import SceneError
 from raymarch.expr.node import Expr, const
 from raymarch.sdf.definition import definition_of
+from raymarch.sdf.evaluation import evaluate_distance
 from raymarch.sdf.flat import rectangle
-from raymarch.sdf.lower import evaluate_distance
 from raymarch.sdf.node import Node, all_nodes, at_line_of, children_first, replaced
 from raymarch.sdf.placement import affine_of
 from raymarch.sdf.placing import translate

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from raymarch.expr.node import Expr, make
+from raymarch.expr.function import Function, Stated
+from raymarch.expr.node import Expr, construct, make
 from raymarch.expr.types import BOOL, FLOAT
+from raymarch.expr.vocabulary import dot, length, max, where
 from raymarch.expr.walk import topological
 
 FLOOR = "floor"
@@ -66,3 +70,21 @@ def at_least(value: Expr, floor: Expr) -> Expr:
     bound.
     """
     return make("max", FLOAT, (value, floor), FLOOR)
+
+
+def from_box(inside: Expr, gap: Expr) -> Expr:
+    """An estimate at a point `gap` away from the nearest point of a box around the solid, where its value is `inside`.
+
+    Estimates grow faster than the distance far from their solid. The box is convex, so any point s of it is at least
+    sqrt(|gap|^2 + |s - q|^2) away, q being the nearest point: an estimate that is no larger than the distance at q
+    gives one that is no larger at the point.
+    """
+    return where(dot(gap, gap) > 0.0, length(construct(gap, max(inside, 0.0))), inside)
+
+
+def reading_of(template: Function, undivided: bool) -> Function:
+    """A definition as it is written, or the bound that it states in place of its divided value."""
+    if template.body.data is not BOUND:
+        return template
+    body = template.body.args[0 if undivided else 1]
+    return template.once(("reading", undivided), lambda: replace(template, body=body, derived={}, stated=Stated()))

@@ -24,8 +24,9 @@ from raymarch.scene.reading import passes_zeros, read_as_distance
 from raymarch.scene.scene import Scene
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.facts import Facts
+from raymarch.sdf.interaction import SCENE_INTERACTION, material_expressions
 from raymarch.sdf.levels import over_slope, slope_to_correct
-from raymarch.sdf.lower import SCENE_INTERACTION, Lowering, material_expressions
+from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
 from raymarch.sdf.visibility import hiding_nodes
 from raymarch.sdf.weights import weights_of

@@ -19,7 +19,7 @@ from raymarch.expr import arrays
 from raymarch.expr.evaluate import Program
 from raymarch.expr.node import Expr
 from raymarch.expr.types import BOOL
-from raymarch.sdf.lower import lower
+from raymarch.sdf.evaluation import lower
 from tests.support.analytic import ULP
 
 Array: TypeAlias = Any

@@ -195,7 +195,7 @@ def fractals(world: World) -> Iterator[Figure]:
     too large."""
     from raymarch.expr.glsl import print_functions
     from raymarch.expr.types import VEC3
-    from raymarch.sdf.lower import lower
+    from raymarch.sdf.evaluation import lower
     from tests.support.glsl_harness import run
 
     random = np.random.default_rng(7)

@@ -193,7 +193,7 @@ def huge_index(world: World) -> Iterator[Figure]:
     the distance is right for either cell."""
     random = np.random.default_rng(3)
     node, p = repeat(rm.sphere(0.3), 1.0), var("p", VEC3)
-    from raymarch.sdf.lower import lower
+    from raymarch.sdf.evaluation import lower
 
     borders = np.array([0.0, 1.0, 100.0, 1e4, 1e6])[random.integers(0, 5, 5000)][:, None] + 0.5
     points = (borders + random.choice([-1, 1], (5000, 3)) * 10.0 ** random.uniform(-9, -0.3, (5000, 3))).astype(
@@ -267,7 +267,7 @@ def ellipsoid(world: World) -> Iterator[Figure]:
     node = rm.ellipsoid((1.0, 0.1, 0.6))
     yield Figure("slope over its promise", steepest(node), 1 + 1e-9, "1-Lipschitz")
     near = np.concatenate([np.zeros((1, 3)), np.eye(3) * 1e-20, -np.eye(3) * 1e-7, np.eye(3) * 1e-3])
-    from raymarch.sdf.lower import lower
+    from raymarch.sdf.evaluation import lower
 
     values = evaluate(world.context, lower(node), [near])
     yield Figure("values at the centre that are not below 0", int(np.sum(~(values < 0))), 0, "the centre is inside")
@@ -331,7 +331,7 @@ def _bad_gradients(world: World, points: np.ndarray) -> tuple[int, int]:
     """In float32, of every shape of the package with its defaults, on the device for some."""
     from raymarch.expr.arrays import evaluator
     from raymarch.expr.derivative import companion
-    from raymarch.sdf.lower import lower
+    from raymarch.sdf.evaluation import lower
 
     bad = tried = 0
     for definition in definitions():
@@ -367,7 +367,7 @@ def undefined(world: World) -> Iterator[Figure]:
     x, y = var("x", FLOAT), var("y", FLOAT)
     values = evaluate(world.context, Function("angle", (y, x), atan2(y, x)), [[0, 0, -0.0, 1e-38], [0, -0.0, 0, 0]])
     yield Figure("angles at the pole that are not finite", int(np.sum(~np.isfinite(values))), 0, "defined as 0")
-    from raymarch.sdf.lower import lower
+    from raymarch.sdf.evaluation import lower
 
     axis = np.array([(0, h, 0) for h in np.linspace(-1, 1, 21)])
     polar = rm.box(0.3).translate((0.8, 0, 0)).polar(5)

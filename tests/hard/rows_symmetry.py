@@ -10,7 +10,7 @@ import raymarch as rm
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.derivative import companion
 from raymarch.sdf.blends import FAMILIES
-from raymarch.sdf.lower import lower
+from raymarch.sdf.evaluation import lower
 from tests.hard.world import Figure, World, case, view_of
 from tests.support.analytic import angles, points
 from tests.support.cameras import camera_of

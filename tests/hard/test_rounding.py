@@ -9,7 +9,7 @@ import raymarch as rm
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.types import VEC3
 from raymarch.gpu.context import Context
-from raymarch.sdf.lower import lower
+from raymarch.sdf.evaluation import lower
 from tests.hard.rounding import rounding_of
 from tests.hard.world import ULP
 from tests.support import random_trees

@@ -21,8 +21,8 @@ from scipy.spatial import cKDTree
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.types import VECTORS
 from raymarch.gpu.context import Context, open_context
+from raymarch.sdf.evaluation import lower
 from raymarch.sdf.facts import ORDER
-from raymarch.sdf.lower import lower
 from tests.sdf.test_every_node import TWIN_ULPS, ULP, few_wrong
 from tests.support.glsl_harness import run
 from tests.support.node_samples import NodeSample, Seen, definitions, look_at, samples

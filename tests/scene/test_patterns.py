@@ -14,7 +14,7 @@ import raymarch as rm
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.node import Expr
 from raymarch.gpu.context import Context
-from raymarch.sdf.lower import DPDX, DPDY, POSITION
+from raymarch.sdf.interaction import DPDX, DPDY, POSITION
 
 # Colours
 

@@ -14,7 +14,7 @@ from raymarch.expr.arrays import evaluator
 from raymarch.expr.node import Expr
 from raymarch.expr.srgb import srgb_to_linear
 from raymarch.expr.walk import find
-from raymarch.sdf.lower import DPDX, DPDY, NORMAL, POSITION
+from raymarch.sdf.interaction import DPDX, DPDY, NORMAL, POSITION
 from tests.support.refusals import refused
 
 RNG = np.random.default_rng(4)

@@ -10,7 +10,8 @@ import raymarch as rm
 from raymarch.expr.arrays import evaluator
 from raymarch.sdf.advance import DEEPEST, STRETCH, Advancing, along, readable
 from raymarch.sdf.convexity import hull_of, is_convex
-from raymarch.sdf.lower import Lowering, field_of
+from raymarch.sdf.evaluation import field_of
+from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
 from tests.support.node_samples import NodeSample, samples
 

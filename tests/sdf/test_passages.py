@@ -17,7 +17,8 @@ from raymarch.expr.glsl import print_functions
 from raymarch.expr.vocabulary import length, log, max
 from raymarch.expr.walk import find
 from raymarch.sdf.definition import REGISTRY, cube
-from raymarch.sdf.lower import Lowering, lower
+from raymarch.sdf.evaluation import lower
+from raymarch.sdf.lower import Lowering
 
 POINTS = np.random.default_rng(5).uniform(-2, 2, (500, 3))
 

@@ -12,7 +12,7 @@ from raymarch.expr.glsl import print_functions
 from raymarch.expr.types import VEC3
 from raymarch.gpu.context import Context
 from raymarch.sdf import Node
-from raymarch.sdf.lower import evaluate_undivided, lower
+from raymarch.sdf.evaluation import evaluate_undivided, lower
 from tests.support.glsl_harness import run
 from tests.support.random_trees import deep_trees, looked_at
 

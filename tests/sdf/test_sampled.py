@@ -14,8 +14,8 @@ import raymarch as rm
 from raymarch.errors import SceneError, SceneWarning
 from raymarch.expr.samples import Samples
 from raymarch.gpu.renderer import Renderer
+from raymarch.sdf.evaluation import evaluate_undivided
 from raymarch.sdf.heights import displace_by_image, displace_by_samples, heightmap, terrain
-from raymarch.sdf.lower import evaluate_undivided
 from raymarch.sdf.meshes import mesh
 from raymarch.sdf.nearest import Surface
 from raymarch.sdf.sampled import grid

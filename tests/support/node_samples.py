@@ -51,8 +51,8 @@ from raymarch.sdf import (
 from raymarch.sdf.blends import FAMILIES
 from raymarch.sdf.definition import REGISTRY, Definition, cube
 from raymarch.sdf.domain import Domain, Positive
+from raymarch.sdf.evaluation import field_of
 from raymarch.sdf.implicit import implicit, implicit_solid
-from raymarch.sdf.lower import field_of
 from raymarch.sdf.node import METHODS
 from raymarch.sdf.noise import displaced, lattice_noise
 
