@@ -21,7 +21,6 @@ FUNCTIONS = {
 
 LONG_FILES = {
     "raymarch/gpu/renderer.py": 613,
-    "raymarch/scene/light.py": 781,
     "raymarch/sdf/definition.py": 527,
     "raymarch/sdf/node.py": 640,
 }

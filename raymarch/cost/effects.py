@@ -22,7 +22,7 @@ from raymarch.errors import CostError
 from raymarch.gpu.prepare import prepare
 from raymarch.gpu.renderer import Renderer
 from raymarch.plan import plan
-from raymarch.scene.light import hard
+from raymarch.scene.light_kinds import hard
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import set_values
 from raymarch.scene.quality import SINGLE_PASS

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from raymarch.expr.vocabulary import max, pow, sqrt
-from raymarch.scene.light import PENUMBRAS, Light, hard
+from raymarch.scene.light import PENUMBRAS, Light
+from raymarch.scene.light_kinds import hard
 from raymarch.scene.material import Material
 from raymarch.scene.scene import Scene
 from raymarch.sdf.labels import relabelled

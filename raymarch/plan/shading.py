@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from raymarch.errors import Location
 from raymarch.plan import lights
 from raymarch.scene.bsdf import BSDF
-from raymarch.scene.light import KINDS, Light
+from raymarch.scene.light import Light
+from raymarch.scene.light_kinds import KINDS
 from raymarch.scene.material import Material
 from raymarch.scene.scene import Scene
 from raymarch.scene.sky import Sky

@@ -15,7 +15,8 @@ from raymarch.errors import Doubt
 from raymarch.expr.node import Expr
 from raymarch.plan.shading import dims_ambient_light
 from raymarch.scene.fields import SMOOTH
-from raymarch.scene.light import Light, PointLight, SphereLight, Sun, has_area, has_disc
+from raymarch.scene.light import Light, has_area, has_disc
+from raymarch.scene.light_kinds import PointLight, SphereLight, Sun
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import is_zero
 from raymarch.scene.scene import Scene

@@ -15,7 +15,8 @@ from raymarch.proof.rays import Rays
 from raymarch.proof.rounding import Array
 from raymarch.proof.search import CONTRADICTED, OPEN, PROVED, Given, Verdict, judge
 from raymarch.proof.search import free as unhindered
-from raymarch.scene.light import Light, RectLight, SphereLight
+from raymarch.scene.light import Light
+from raymarch.scene.light_kinds import RectLight, SphereLight
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import ParamValue, Values
 from raymarch.scene.scene import Scene

@@ -5,7 +5,8 @@ from raymarch.scene.camera import Camera
 from raymarch.scene.data import colormap, sampled
 from raymarch.scene.file import load as load
 from raymarch.scene.fog import Fog
-from raymarch.scene.light import DirectionSample, Light, PointLight, RectLight, SphereLight, SpotLight, Sun
+from raymarch.scene.light import DirectionSample, Light
+from raymarch.scene.light_kinds import PointLight, RectLight, SphereLight, SpotLight, Sun
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import Param, time
 from raymarch.scene.pattern import checker, grid_lines, marble, noise, stripes

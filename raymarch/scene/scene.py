@@ -21,7 +21,8 @@ from raymarch.scene.ambient_occlusion import AmbientOcclusion
 from raymarch.scene.camera import Camera, Pose, framed_box
 from raymarch.scene.fog import Fog
 from raymarch.scene.framing import Framed, frame_of
-from raymarch.scene.light import KINDS, Light, Sun, sample_of
+from raymarch.scene.light import Light, sample_of
+from raymarch.scene.light_kinds import KINDS, Sun
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import ParamValue, Spec, Values, specs_in
 from raymarch.scene.post import PostEffect

@@ -25,7 +25,7 @@ from raymarch.expr.samples import Samples, sample
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import acos, atan2, clamp, cos, dot, exp, floor, max, min, mix, tan, vec2, vec3
 from raymarch.expr.walk import free_variables
-from raymarch.scene.light import Sun
+from raymarch.scene.light_kinds import Sun
 from raymarch.scene.parameter import Values, as_color, as_direction, as_number, is_zero
 from raymarch.scene.value import Value, value
 from raymarch.sdf.domain import ColorLike, Scalar, Vec3Like, as_operand

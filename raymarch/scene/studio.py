@@ -6,7 +6,7 @@ from raymarch.errors import SceneError, warn
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import described
 from raymarch.scene.ambient_occlusion import AmbientOcclusion
-from raymarch.scene.light import Sun
+from raymarch.scene.light_kinds import Sun
 from raymarch.scene.material import Material
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import DEFAULT, Scene, scene_of

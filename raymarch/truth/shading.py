@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.scene.light import Light, PointLight, SphereLight, has_disc, power_heuristic
+from raymarch.scene.light import Light, has_disc, power_heuristic
+from raymarch.scene.light_kinds import PointLight, SphereLight
 from raymarch.scene.parameter import Values
 from raymarch.scene.relief import shading_normal
 from raymarch.scene.scene import Scene

@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from raymarch.expr.node import Expr
-from raymarch.scene import light as lights
+from raymarch.scene import light_kinds
 from raymarch.scene.light import PENUMBRAS, Light
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import Param, Spec, Value
@@ -26,7 +26,7 @@ from raymarch.sdf.node import Node
 
 Range: TypeAlias = tuple[float | None, float | None]
 
-KINDS: dict[str, type[Light]] = {kind.__name__: kind for kind in lights.KINDS}
+KINDS: dict[str, type[Light]] = {kind.__name__: kind for kind in light_kinds.KINDS}
 """The kinds of lights."""
 
 UNSET: Mapping[str, Any] = {
@@ -206,7 +206,7 @@ def editable_lights(scene: Scene) -> tuple[LightEdit, ...]:
     """The lights of a scene in editable form."""
     return tuple(
         LightEdit(i, type(light).__name__, {n: _plain(v) for n, v in light.arguments().items()})
-        if type(light) in lights.KINDS
+        if type(light) in light_kinds.KINDS
         else LightEdit(i, type(light).__name__, {}, own=light)
         for i, light in enumerate(scene.lights, 1)
     )

@@ -17,7 +17,7 @@ import raymarch as rm
 from raymarch.cost.effects import ablations
 from raymarch.plan import lights
 from raymarch.scene import load
-from raymarch.scene.light import hard
+from raymarch.scene.light_kinds import hard
 from raymarch.scene.parameter import set_values
 from tests.lab.evaluation_counts import count_evaluations
 

@@ -22,7 +22,7 @@ from raymarch.cost.effects import evaluations_of
 from raymarch.errors import RaymarchError
 from raymarch.gpu import Renderer
 from raymarch.scene import load
-from raymarch.scene.light import hard
+from raymarch.scene.light_kinds import hard
 from tests.lab.penumbras import KINDS, drawn
 from tests.lab.penumbras import SIZE as PAIR_SIZE
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 import raymarch as rm
 from raymarch.plan import lights
 from raymarch.plan.light_cells import WIDTH, LightCells, build
-from raymarch.scene.light import KINDS, Light
+from raymarch.scene.light import Light
+from raymarch.scene.light_kinds import KINDS
 from raymarch.scene.parameter import Values, set_values
 from raymarch.truth.light import incoming
 

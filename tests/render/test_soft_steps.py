@@ -10,7 +10,7 @@ import pytest
 import raymarch as rm
 from raymarch.cost.effects import evaluation_counts
 from raymarch.gpu import Renderer
-from raymarch.scene.light import hard
+from raymarch.scene.light_kinds import hard
 
 PENUMBRAS = ("cone", "triangulated", "two-sided")
 

@@ -14,7 +14,8 @@ from raymarch.errors import Location, PlanError, SceneError
 from raymarch.expr.vocabulary import fract, where
 from raymarch.gpu.context import Context
 from raymarch.plan import plan
-from raymarch.scene.light import KINDS, DirectionSample, Light, hard
+from raymarch.scene.light import DirectionSample, Light
+from raymarch.scene.light_kinds import KINDS, hard
 from raymarch.scene.parameter import Values, set_values
 from raymarch.shader import assemble
 from raymarch.window.edits import editable_lights

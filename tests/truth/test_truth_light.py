@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from raymarch.scene import Camera, Fog, Material, PointLight, Scene, Sun
-from raymarch.scene.light import KINDS, Light
+from raymarch.scene.light import Light
+from raymarch.scene.light_kinds import KINDS
 from raymarch.scene.parameter import Values, as_direction
 from raymarch.scene.value import value
 from raymarch.sdf import box, plane, sphere
