@@ -153,20 +153,20 @@ def ablate(
     if not variants:
         raise CostError("the scene has no effects", legal="shadows, fog, occlusion, light of the sky, several lights")
     renderer.kept = max(renderer.kept, 4 * (len(variants) + 1))
-    renderer.resources.live_lights = False  # each variant is drawn as a scene of its own
-    complete = _figures(scene, renderer, time, params)
-    found = []
-    for i, (name, made) in enumerate(variants):
-        tell(f"without {name}", 0.5 * i / len(variants))
-        without = _figures(made, renderer, time, params)
-        differences = picture_errors(flip(complete["color"], without["color"]))
-        costs = {n: complete[n] - without[n] for n in ("evaluations", "texture_bytes", "shader_bytes")}
-        found.append(Effect(name, color=complete["color"], color_without=without["color"], **costs, **differences))
-    scenes = [scene, *(made for _, made in variants)]
-    times: list[list[float]] = [[] for _ in scenes]
-    for done, k in enumerate(turns(len(scenes), repeats, seed)):
-        tell("time", 0.5 + 0.5 * done / (repeats * len(scenes)))
-        times[k].append(timed(scenes[k], Setting("", scenes[k].quality), renderer, time, params)[0])
+    with renderer.resources.scenes_apart():
+        complete = _figures(scene, renderer, time, params)
+        found = []
+        for i, (name, made) in enumerate(variants):
+            tell(f"without {name}", 0.5 * i / len(variants))
+            without = _figures(made, renderer, time, params)
+            differences = picture_errors(flip(complete["color"], without["color"]))
+            costs = {n: complete[n] - without[n] for n in ("evaluations", "texture_bytes", "shader_bytes")}
+            found.append(Effect(name, color=complete["color"], color_without=without["color"], **costs, **differences))
+        scenes = [scene, *(made for _, made in variants)]
+        times: list[list[float]] = [[] for _ in scenes]
+        for done, k in enumerate(turns(len(scenes), repeats, seed)):
+            tell("time", 0.5 + 0.5 * done / (repeats * len(scenes)))
+            times[k].append(timed(scenes[k], Setting("", scenes[k].quality), renderer, time, params)[0])
     for effect, others in zip(found, times[1:], strict=True):
         effect._frames = times[0]
         effect._differences = [a - b for a, b in zip(times[0], others, strict=True)]
@@ -277,9 +277,8 @@ def dearest(
     scale = min(1.0, (SMALL / (size[0] * size[1])) ** 0.5)
     small = max(1, round(size[0] * scale)), max(1, round(size[1] * scale))
     variants = [("", scene), *ablations(scene)]
-    with Renderer(small, backend, device) as renderer:
+    with Renderer(small, backend, device) as renderer, renderer.resources.scenes_apart():
         renderer.kept = max(renderer.kept, 4 * len(variants))
-        renderer.resources.live_lights = False
         software = renderer.context.driver.is_software
         counts, times = [], np.zeros((len(variants), REPEATS))
         for _, made in variants:

@@ -86,8 +86,7 @@ class ResourceCache:
 
     compiled : number of programs that the driver has compiled so far.
     kept : maximum number of cached programs.
-    live_lights : whether lights that come and go become rows, so that no program is compiled for them. False where each
-        scene must be drawn as in a new renderer, such as to compare costs.
+    live_lights : whether lights that come and go become rows, so that no program is compiled for them.
     """
 
     def __init__(self, context: Context) -> None:
@@ -103,6 +102,15 @@ class ResourceCache:
         self._utilities: dict[str, Program] = {}
         self._lights: list[tuple[Any, LightInputs]] = []
         self._all_kept = False
+
+    @contextmanager
+    def scenes_apart(self) -> Iterator[None]:
+        """Inside, each scene is drawn as in a new renderer: no lights become rows because others were drawn before."""
+        known, self.live_lights = self.live_lights, False
+        try:
+            yield
+        finally:
+            self.live_lights = known
 
     @contextmanager
     def keep_textures(self) -> Iterator[None]:

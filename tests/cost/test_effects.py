@@ -12,6 +12,8 @@ import raymarch as rm
 from raymarch.cli import main
 from raymarch.cost.effects import ablate, ablations, counting_text, dearest, evaluation_counts, evaluations_of
 from raymarch.errors import CostError
+from raymarch.gpu.context import Context
+from raymarch.gpu.resource_cache import ResourceCache
 
 SIZE = (48, 27)
 
@@ -123,8 +125,10 @@ def test_times_are_differences_of_the_same_turn(monkeypatch):
     from raymarch.cost import effects
 
     clock, variants = iter(range(10**6)), 1 + len(list(ablations(rich())))
+    stub, apart = SimpleNamespace(kept=1, resources=ResourceCache(Context.__new__(Context))), set()
 
     def fake(scene, setting, renderer, time=0.0, params=None):
+        apart.add(not stub.resources.live_lights)
         slow = 1.0 * (next(clock) // variants)  # each turn is slower than the one before
         return slow + 3.0 * (scene.fog is not None) + 5.0 * any(light.shadow for light in scene.lights), 0.0
 
@@ -132,9 +136,9 @@ def test_times_are_differences_of_the_same_turn(monkeypatch):
     monkeypatch.setattr(effects, "_figures", lambda *_: {
         "color": np.zeros((4, 4, 3)), "evaluations": 0.0, "texture_bytes": 0, "shader_bytes": 0
     })  # fmt: skip
-    stub = SimpleNamespace(kept=1, resources=SimpleNamespace(live_lights=True))
     found = effects.ablate(rich(), stub, repeats=6)
-    assert not stub.resources.live_lights  # each variant is drawn as in a new renderer
+    assert apart == {True}, "each variant is drawn as in a new renderer"
+    assert stub.resources.live_lights
     assert [e.name for e in found[:3]] in (
         ["shadow of lights", "light 1, Sun", "fog"],
         ["light 1, Sun", "shadow of lights", "fog"],
