@@ -76,9 +76,9 @@ class Function:
             self.derived[key] = make()
         return self.derived[key]
 
-    def known_gradient(self, along: int = 0) -> Function | None:
+    def known_gradient(self) -> Function | None:
         """The function that returns gradient and value, if it was stated or derived before."""
-        return self.stated.gradients.get(along) or self.derived.get(("companion", along))
+        return self.stated.gradients.get(0) or self.derived.get(("companion", 0))
 
     @property
     def type(self) -> Type:

@@ -21,11 +21,11 @@ def _part(v: Span, i: int) -> Span:
     return Span(v.low[..., i], v.high[..., i], (v.at[0][..., i], v.at[1][..., i]), slope)
 
 
-def _stacked(parts: Sequence[Span], axis: int = -1) -> Span:
+def _stacked(parts: Sequence[Span]) -> Span:
     """Components as a vector, or columns as a matrix."""
 
     def stack(arrays: Sequence[Array]) -> Array:
-        return np.stack(np.broadcast_arrays(*arrays), axis=axis)
+        return np.stack(np.broadcast_arrays(*arrays), axis=-1)
 
     low, high = stack([p.low for p in parts]), stack([p.high for p in parts])
     at = stack([p.at[0] for p in parts]), stack([p.at[1] for p in parts])

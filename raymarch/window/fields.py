@@ -61,10 +61,9 @@ class Fields:
         self.mark(label)
         return bool(changed), float(new)
 
-    def whole_slider(self, label: str, value: int, low: int, high: int, words: str = "") -> tuple[bool, int]:
+    def whole_slider(self, label: str, value: int, low: int, high: int) -> tuple[bool, int]:
         """A slider of whole numbers, like `slider`."""
-        number = f"{words or value}  "
-        changed, new = self.imgui.slider_int(self.numbered(label, number), value, low, high, "")
+        changed, new = self.imgui.slider_int(self.numbered(label, f"{value}  "), value, low, high, "")
         self.mark(label)
         return bool(changed), int(new)
 
