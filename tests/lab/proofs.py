@@ -2,7 +2,8 @@
 
 python -m tests.lab.proofs [SCENE.py ...]     # the examples, or some scenes
 python -m tests.lab.proofs --nodes            # every sample of every node
-python -m tests.lab.proofs --trees 2000       # random solids; --seed N begins elsewhere, --estimates tries those too
+python -m tests.lab.proofs --trees 2000       # random solids; --seed N begins elsewhere, --estimates tries those too,
+                                              # --skip 1000 goes on behind the first ones
 python -m tests.lab.proofs --faults           # seeded faults (tests/lab/proof_faults.py)
 --size 160x90 and --within 0.05px are those of the pictures
 """
@@ -108,7 +109,7 @@ def nodes(given: argparse.Namespace) -> None:
 
 
 def trees(given: argparse.Namespace) -> None:
-    tally, skipped = Tally(given), Counter[str]()
+    tally, skipped, done = Tally(given), Counter[str](), Counter[str]()
 
     @hypothesis.seed(given.seed)
     @settings(
@@ -125,10 +126,14 @@ def trees(given: argparse.Namespace) -> None:
         if scene.node.exactness == "estimate" and not given.estimates:
             skipped["estimates"] += 1
             hypothesis.reject()
+        done["trees"] += 1
+        if done["trees"] <= given.skip:
+            return
         found = tally.judge(f"view {view}", scene)
         if found is not None and found.contradicted:
             print(as_python(node), flush=True)
         if tally.scenes.total() % 50 == 0:
+            print(f"{done['trees']} trees:", end=" ")
             tally.show()
 
     look()
@@ -144,6 +149,7 @@ def main() -> None:
     parser.add_argument("--nodes", action="store_true")
     parser.add_argument("--trees", type=int, metavar="COUNT")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--skip", type=int, default=0, help="random solids that are not judged, as they were before")
     parser.add_argument("--estimates", action="store_true", help="random solids whose field is an estimate, too")
     parser.add_argument("--effort", type=int, help="evaluations for a ray; 500 for random solids")
     parser.add_argument("--faults", action="store_true")
