@@ -17,6 +17,7 @@ from raymarch.gpu.display import ABOVE_ONE, NOT_FINITE, display_of, image_of
 from raymarch.gpu.unread import Unread
 from raymarch.plan import OUTPUTS
 from raymarch.scene.camera import Pose
+from raymarch.scene.shown import Shown
 from raymarch.scene.tone import ToneMapping, encode
 
 
@@ -88,6 +89,7 @@ class Frame:
     )
     spread: bool = False
     """True if post effects carry light beyond the surfaces."""
+    _of: Shown | None = field(default=None, repr=False)
     _unread: dict[str, Unread] = field(default_factory=dict, repr=False)
     _encoded: NDArray[np.uint8] | None = field(default=None, repr=False)
 

@@ -39,6 +39,7 @@ from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.post import PostEffect
 from raymarch.scene.quality import MOST_SAMPLES, SINGLE_PASS, Quality
 from raymarch.scene.scene import Scene, as_scene
+from raymarch.scene.shown import Shown
 from raymarch.scene.sky import Sky
 from raymarch.scene.studio import staged
 from raymarch.sdf.node import Node
@@ -278,6 +279,7 @@ class Renderer:
             _doubts=partial(self._doubts, scene, ready, values),
             _transparency=transparency,
             spread=bool(scene.post),
+            _of=Shown(scene.node, values, pose, None if picture.part is None else picture.size),
             _unread=unread,
         )
         if not self.strict:

@@ -25,6 +25,7 @@ from raymarch.proof.shadows import Lit, Shadows, hard_lights, lit_pixels, shadow
 from raymarch.scene.legal import warn_of_values
 from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.scene import Scene, as_scene
+from raymarch.scene.shown import Shown
 from raymarch.sdf.node import Node
 
 COLORS = {PROVED: (58, 110, 84), CONTRADICTED: (214, 40, 40), OPEN: (240, 190, 60)}
@@ -199,7 +200,8 @@ def prove(
     ----------
     scene : the scene, or a solid in a default one.
     frame : a Frame or a Truth, or any object with `depth`, (H, W): the distance along the ray through the centre of
-        each pixel, inf where nothing was hit. None renders the scene.
+        each pixel, inf where nothing was hit. None renders the scene. A Frame and a Truth know their solid, its values
+        and their camera, unless they were pickled: others than those of this call are refused.
     size : (width, height) in pixels of the picture that is rendered.
     tolerance : "0.05px" is a part of the width of a pixel at the hit; a number is a length. Above 0.
     time : seconds. None is the time of the frame, or 0.
@@ -216,8 +218,8 @@ def prove(
 
     Raises
     ------
-    SceneError : a frame without depths (H, W) or with NaN, a tolerance that is not above 0, and arguments of another
-        kind or outside their range.
+    SceneError : a frame without depths (H, W) or with NaN, one that shows something else, a tolerance that is not above
+        0, and arguments of another kind or outside their range.
 
     Notes
     -----
@@ -239,6 +241,7 @@ def prove(
     values = set_values(scene.parameters, params, at, scene.where)
     warn_of_values(scene.node, values.params, values.time)
     pose = scene.pose(values, shape[1] / shape[0])
+    _refuse_other(frame, Shown(scene.node, values, pose))
     reported = Reported.of(scene, values, pose, shape[::-1], depth.ravel(), (share, length))
     solid = Solid(scene.node, values)
     verdict, reasons, inside = reported.proved(solid, progress)
@@ -293,6 +296,14 @@ def _tolerance(within: Any) -> tuple[float | None, float, str]:
         raise SceneError(f"prove: tolerance = {short(within)}", legal=legal)
     assert found is not None
     return (number, 0.0, f"{found[1]}px") if found[2] else (None, number, found[1])
+
+
+def _refuse_other(frame: Any, asked: Shown) -> None:
+    shown = getattr(frame, "_of", None)
+    differs = shown.differs(asked) if isinstance(shown, Shown) else ""
+    if differs:
+        legal = "a picture of this scene with this time and params, or an object that has its depth alone"
+        raise SceneError(f"prove: the frame {differs}", legal=legal)
 
 
 def _depths(frame: Any) -> NDArray[np.float64]:

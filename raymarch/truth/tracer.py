@@ -17,6 +17,7 @@ from raymarch.scene.camera import Pose
 from raymarch.scene.legal import warn_of_values
 from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.scene import Scene, as_scene
+from raymarch.scene.shown import Shown
 from raymarch.sdf.node import Node
 from raymarch.truth.field import Field
 from raymarch.truth.fog import fogged, sky_seen
@@ -58,6 +59,7 @@ class Truth:
     direction: NDArray[np.float64]
     _surfaces: Sequence[tuple[NDArray[np.intp], Surface]] = field(repr=False)
     _sky: NDArray[np.float64] = field(repr=False)
+    _of: Shown | None = field(repr=False, default=None)
     _shown: tuple[NDArray[np.bool_], NDArray[np.float64]] | None = field(repr=False, default=None)
     _mean: Callable[[], NDArray[np.float64]] | None = field(repr=False, default=None)
     _finish: Callable[[NDArray[np.float64]], NDArray[np.float64]] = field(repr=False, default=lambda color: color)
@@ -170,6 +172,7 @@ def truth(
         result._mean = lambda: _mean_over_times(scene, values, (width, height))
     elif pose.aperture > 0.0:
         result._mean = lambda: _mean_over_lens(scene, values, pose, (width, height), _lens_points(scene))
+    result._of = Shown(scene.node, values, pose)
     result._finish = lambda color: finished(scene, values, color)
     for name in outputs:
         getattr(result, name)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import re
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -12,6 +13,7 @@ import pytest
 
 import raymarch as rm
 from raymarch.errors import SceneError
+from raymarch.gpu.part import PicturePart
 from raymarch.scene.parameter import Values
 from raymarch.sdf.definition import cube
 from raymarch.sdf.domain import Positive
@@ -148,7 +150,7 @@ def test_time_and_parameters() -> None:
     with rm.Renderer(SIZE) as renderer:
         frame = renderer.render(scene, 0.7, {"height": 1.1}, outputs=("depth",))
     assert rm.prove(scene, frame, params={"height": 1.1}).share == 1.0
-    assert rm.prove(scene, frame).contradicted > 0
+    assert rm.prove(scene, with_depth(frame.depth)).contradicted > 0
 
 
 @pytest.mark.parametrize(
@@ -186,6 +188,38 @@ def test_other_bad_arguments_are_one_line() -> None:
         assert "\n" not in str(fault.value)
 
 
+def test_a_picture_of_something_else_is_refused() -> None:
+    """By one line, where the picture knows what it shows; other colours and other nodes of the same field are no
+    difference."""
+    moving = rm.sphere(rm.Param("r", 1.0, 0.5, 2.0)).translate((rm.sin(rm.time), 0, 0))
+    scene = rm.Scene(moving | rm.plane(offset=-1), SCENE.camera)
+    red = rm.sphere(rm.Param("r", 1.0, 0.5, 2.0)).translate((rm.sin(rm.time), 0, 0)).material(rm.Material((1, 0, 0)))
+    same = scene.replace(node=red | rm.plane(offset=-1), lights=[rm.Sun((0, 1, 0))])
+    with rm.Renderer((8, 6)) as renderer:
+        frame = renderer.render(scene, 0.5, {"r": 1.5}, outputs=("depth",))
+        turned = renderer.render(
+            scene, outputs=("depth",), pose=scene.replace(camera=rm.Camera((0, 0, 9))).pose(Values({}, 0.0), 8 / 6)
+        )
+        part = renderer.render(scene, outputs=("depth",), part=PicturePart((16, 12)))
+    reference = rm.truth(scene, (8, 6), 0.5, {"r": 1.5}, ("depth",))
+    for picture in (frame, reference):
+        assert rm.prove(same, picture, params={"r": 1.5}, time=0.5).contradicted == 0
+        for other, how, words in (
+            (scene, {"params": {"r": 1.0}, "time": 0.5}, "shows the solid at time = 0.5 with {'r': 1.5}"),
+            (scene, {"params": {"r": 1.5}, "time": 0.6}, "shows the solid at time = 0.5 with {'r': 1.5}"),
+            (scene.replace(node=rm.sphere()), {"time": 0.5}, "shows another solid"),
+            (scene.replace(camera=rm.Camera((0, 0, 9))), {"params": {"r": 1.5}}, "shows another camera"),
+        ):
+            with pytest.raises(SceneError, match="prove: the frame " + re.escape(words)) as fault:
+                rm.prove(other, picture, **how)
+            assert "\n" not in str(fault.value)
+        sent = pickle.loads(pickle.dumps(picture))  # knows its depth alone
+        assert rm.prove(scene.replace(node=rm.sphere()), sent, time=0.5).contradicted > 0
+    for picture, words in ((turned, "shows another camera"), (part, "is a part of one of (16, 12)")):
+        with pytest.raises(SceneError, match=re.escape(words)):
+            rm.prove(scene, picture)
+
+
 def test_what_keeps_pixels_open_is_named() -> None:
     code = "float bumpy(vec3 p) { return length(p) - 1.0; }"
     solid = rm.glsl_node(code, "bumpy", bounds=((-1, -1, -1), (1, 1, 1)), twin=lambda p: np.linalg.norm(p, axis=1) - 1)
@@ -201,7 +235,7 @@ def test_a_choice_by_a_distance_of_exactly_0() -> None:
 def test_where_nothing_is_shown_nothing_is_contradicted() -> None:
     """A sheet of no thickness holds no point for certain, and no range along the ray is free of it."""
     sheet = rm.sphere() ^ rm.sphere()
-    found = rm.prove(sheet, rm.truth(rm.sphere(), size=(16, 16)), size=(16, 16))
+    found = rm.prove(sheet, with_depth(rm.truth(rm.sphere(), size=(16, 16)).depth), size=(16, 16))
     assert found.contradicted == 0 and found.open > 0
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -82,7 +83,7 @@ def test_what_cannot_be_is_refused(call: object, words: str) -> None:
         lambda node: node.gradient((0, 0, 3), time=-1),
         lambda node: rm.raycast(node, (0, 0, 5), (0, 0, -1), time=-1),
         lambda node: rm.truth(node, (4, 4), time=-1),
-        lambda node: rm.prove(node, rm.truth(node, (4, 4), time=1), time=-1),
+        lambda node: rm.prove(node, SimpleNamespace(depth=np.ones((4, 4))), time=-1),
     ],
     ids=["distance", "gradient", "raycast", "truth", "prove"],
 )
