@@ -1,14 +1,22 @@
-"""A part of a picture: a rectangle of its pixels, or some of the samples of each."""
+"""A picture, or a part of it: a rectangle of its pixels, or some of the samples of each."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from raymarch.errors import DeviceError, SceneError
-from raymarch.gpu.prepare import Prepared, assembled
+from raymarch.gpu.prepare import Prepared, Wanted, assembled
 from raymarch.plan import Plan
 from raymarch.plan.marching import Level
+from raymarch.scene.camera import Pose
+from raymarch.scene.parameter import Values
+from raymarch.scene.scene import Scene
+from raymarch.scene.shown import Shown
 
 Box = tuple[int, int, int, int]
 """x and y of the lower left texel, width, height."""
@@ -35,6 +43,31 @@ class PicturePart:
             what = f"a part of {width}x{height} at {self.corner} of a picture of {self.whole[0]}x{self.whole[1]}"
             raise DeviceError(what, legal="a part inside the picture")
         return x, self.whole[1] - y - height, width, height
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """What a frame shows. `size` is that of the whole picture, of which a part may be drawn."""
+
+    scene: Scene
+    values: Values
+    pose: Pose
+    outputs: Sequence[Wanted]
+    size: tuple[int, int]
+    part: PicturePart | None = None
+
+    @property
+    def shown(self) -> Shown:
+        """What its depths depend on."""
+        return Shown(self.scene.node, self.values, self.pose, None if self.part is None else self.part.whole)
+
+    def sky(self, size: tuple[int, int]) -> NDArray[np.float32]:
+        """The radiance of the sky in each pixel of a frame of this size, (H, W, 3)."""
+        x, y = (0, 0) if self.part is None else self.part.corner
+        columns, rows = np.arange(x, x + size[0]), np.arange(y, y + size[1])[:, None]
+        directions = self.pose.directions(columns, rows, self.size).reshape(-1, 3)
+        behind = self.scene.sky.radiance_along(directions, self.values)
+        return np.asarray(behind.reshape(size[1], size[0], 3), np.float32)
 
 
 def prepared_part(made: Plan) -> Prepared:

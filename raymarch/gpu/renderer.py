@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any, Self
 from weakref import WeakKeyDictionary
@@ -25,7 +25,7 @@ from raymarch.gpu.draw_calls import Drawing, count_draws
 from raymarch.gpu.frame import Frame, Timing, not_rendered
 from raymarch.gpu.frame_inputs import FrameInputs
 from raymarch.gpu.history import History
-from raymarch.gpu.part import PicturePart
+from raymarch.gpu.part import Picture, PicturePart
 from raymarch.gpu.prepare import Prepared, Wanted, frame_uniforms, name_of
 from raymarch.gpu.prepared_scenes import PreparedScenes
 from raymarch.gpu.program import Program, in_pass
@@ -39,7 +39,6 @@ from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.post import PostEffect
 from raymarch.scene.quality import MOST_SAMPLES, SINGLE_PASS, Quality
 from raymarch.scene.scene import Scene, as_scene
-from raymarch.scene.shown import Shown
 from raymarch.scene.sky import Sky
 from raymarch.scene.studio import staged
 from raymarch.sdf.node import Node
@@ -47,18 +46,6 @@ from raymarch.sdf.node import Node
 Progress = Callable[[float], None]
 
 BLACK = Sky((0, 0, 0))
-
-
-@dataclass(frozen=True, slots=True)
-class _Picture:
-    """What a frame shows. `size` is that of the whole picture, of which a part may be drawn."""
-
-    scene: Scene
-    values: Values
-    pose: Pose
-    outputs: Sequence[Wanted]
-    size: tuple[int, int]
-    part: PicturePart | None = None
 
 
 class Renderer:
@@ -218,19 +205,19 @@ class Renderer:
         outputs: Sequence[Wanted],
         pose: Pose | None,
         part: PicturePart | None = None,
-    ) -> _Picture:
+    ) -> Picture:
         """What a frame shows, once its values are checked."""
         ready = self.prepared(scene, outputs, part)
         values = set_values(ready.plan.parameters, params, time, scene.where)
         width, height = size = self.size if part is None else part.whole
         listed = (outputs,) if isinstance(outputs, str) else tuple(outputs)
-        return _Picture(scene, values, pose or ready.pose(values, width / height), listed, size, part)
+        return Picture(scene, values, pose or ready.pose(values, width / height), listed, size, part)
 
-    def _render(self, picture: _Picture, progress: Progress | None, within: float) -> Frame:
+    def _render(self, picture: Picture, progress: Progress | None, within: float) -> Frame:
         scene, values, pose, size = picture.scene, picture.values, picture.pose, self.size
         samples = scene.quality.samples
 
-        def passes(picture: _Picture, *limits: Any) -> tuple[dict[str, Unread], list[Timing]]:
+        def passes(picture: Picture, *limits: Any) -> tuple[dict[str, Unread], list[Timing]]:
             nonlocal samples
             own = picture.scene is scene
             found = self._passes(picture, self.history if own else History("silhouette "), *limits)
@@ -260,11 +247,7 @@ class Renderer:
             covered = color_of(_silhouette(scene, samples))[..., 0]
             if scene.post:  # the light of the sky is spread over the picture
                 return covered, color_of(_silhouette(scene, samples, 0.0, scene.sky, scene.post))
-            x, y = (0, 0) if picture.part is None else picture.part.corner
-            columns, rows = np.arange(x, x + size[0]), np.arange(y, y + size[1])[:, None]
-            directions = pose.directions(columns, rows, picture.size).reshape(-1, 3)
-            behind = scene.sky.radiance_along(directions, values).reshape(*covered.shape, 3).astype(np.float32)
-            return covered, (1.0 - np.clip(covered, 0.0, 1.0))[..., None] * behind
+            return covered, (1.0 - np.clip(covered, 0.0, 1.0))[..., None] * picture.sky(size)
 
         frame = Frame(
             size=size,
@@ -279,7 +262,7 @@ class Renderer:
             _doubts=partial(self._doubts, scene, ready, values),
             _transparency=transparency,
             spread=bool(scene.post),
-            _of=Shown(scene.node, values, pose, None if picture.part is None else picture.size),
+            _of=picture.shown,
             _unread=unread,
         )
         if not self.strict:
@@ -318,7 +301,7 @@ class Renderer:
         picture."""
         small = vouch.sparse_size(self.size)
         plain = scene.quality.replace(**SINGLE_PASS, samples=2)  # which start where the cone of their pixel ended
-        ready, inputs = self._ready(_Picture(scene.replace(quality=plain), values, pose, ("done",), self.size))
+        ready, inputs = self._ready(Picture(scene.replace(quality=plain), values, pose, ("done",), self.size))
         inputs = inputs.with_uniforms({"u_resolution": small})
         draw_calls = list(_named(Drawing(self.resources, ready, inputs, small, History())))
         for call in draw_calls:
@@ -359,7 +342,7 @@ class Renderer:
         """
         yield from _named(self._drawing(self._picture(scene, params, time, outputs, pose), self.history, budget))
 
-    def _drawing(self, picture: _Picture, history: History, budget: Budget | None) -> Drawing:
+    def _drawing(self, picture: Picture, history: History, budget: Budget | None) -> Drawing:
         ready, inputs = self._ready(picture)
         at = self._shutter(ready, picture)
         if at is not None:  # samples depend on values that may have no effect at the frame's time
@@ -377,7 +360,7 @@ class Renderer:
         size = self.planned_for or self._size if part is None else part.whole
         return self._prepared.of(scene, outputs, size, part is not None)
 
-    def _ready(self, picture: _Picture) -> tuple[Prepared, FrameInputs]:
+    def _ready(self, picture: Picture) -> tuple[Prepared, FrameInputs]:
         """The plan of a frame and the inputs of all its passes."""
         self._refuse_closed()
         ready = self.prepared(picture.scene, picture.outputs, picture.part)
@@ -408,7 +391,7 @@ class Renderer:
                 uniforms.update(found.uniforms)
         return FrameInputs(uniforms, effects, found)
 
-    def _shutter(self, ready: Prepared, picture: _Picture) -> Callable[[float], FrameInputs] | None:
+    def _shutter(self, ready: Prepared, picture: Picture) -> Callable[[float], FrameInputs] | None:
         """The inputs while the shutter is open, for `Drawing`. The pose of the scene's camera moves with it."""
         scene, values, aspect = ready.plan.given, picture.values, picture.size[0] / picture.size[1]
         if not scene.motion_blur:
@@ -446,7 +429,7 @@ class Renderer:
                 )
 
     def _passes(
-        self, picture: _Picture, history: History, progress: Progress | None = None, within: float = np.inf
+        self, picture: Picture, history: History, progress: Progress | None = None, within: float = np.inf
     ) -> tuple[dict[str, Unread], list[Timing]]:
         self._refuse_while_drawing("render")
         self._is_drawing = True
@@ -459,7 +442,7 @@ class Renderer:
             self._is_drawing = False
 
     def _drawn(
-        self, picture: _Picture, history: History, progress: Progress | None, within: float
+        self, picture: Picture, history: History, progress: Progress | None, within: float
     ) -> tuple[dict[str, Unread], list[Timing]]:
         timings: list[Timing] = []
         shown: dict[str, tuple[Any, Any]] = {}
