@@ -1,8 +1,11 @@
 // A ray that starts two epsilons from a surface. The offset is along the ray, to keep shadows and refracted images in
-// place; at grazing angles, where this would take more than four times the offset, the rest is along the normal.
+// place; at grazing angles, where this would take more than four times the offset, the rest is along the normal. Below
+// 30 degrees it starts lower: the surface is as far from a start as that is high, so its first sample proves all of the
+// ray but the offset empty.
 Ray spawn_ray(vec3 p, vec3 normal, vec3 direction, float travelled, out float start) {
     float offset = 2.0 * epsilon(p, travelled);
     float rise = max(dot(normal, direction), 0.0);
-    start = offset / max(rise, 0.25);
-    return Ray(p + (offset - rise * start) * normal, direction);
+    float lift = max(1.0 - 4.0 * rise, 0.0);
+    start = rise < 0.5 ? offset * (1.0 + lift) / (1.0 - rise) : offset / rise;
+    return Ray(p + offset * lift * normal, direction);
 }
