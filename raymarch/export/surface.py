@@ -39,6 +39,9 @@ BATCH = 1 << 15
 SNAP = 1e-3
 """Least absolute value of the field at a grid point, in cells, so that float32 and float64 agree on its sign."""
 
+AROUND = 10.0 * SNAP * np.array([(0.2, 0.55, 0.81), (0.2, -0.55, -0.81), (-0.2, 0.55, -0.81), (-0.2, -0.55, 0.81)])
+"""Places around such a point, in cells: on both sides of each plane through it, and none in a plane of grid points."""
+
 NEAR = 1e-6
 """A zero on an edge of the grid is found if the absolute value of the field there is at most this, in cells."""
 
@@ -301,8 +304,15 @@ def _sampled(solid: _Solid, first: Array, cell: float, blocks: Array, points: Ar
     found[clipped] = np.maximum(found[clipped], solid.outside(at[clipped]) / cell)
     np.clip(found, -1e6, 1e6, out=found)
     near = np.abs(found) < SNAP
-    found[near] = np.where(found[near] < 0.0, np.float32(-SNAP), np.float32(SNAP))
+    found[near] = np.where(_inside(solid, at[near], cell, found[near] < 0.0), np.float32(-SNAP), np.float32(SNAP))
     return found
+
+
+def _inside(solid: _Solid, points: Array, cell: float, inside: Array) -> Array:
+    """Whether points at which the field is 0, but for rounding, are inside the solid: as what is around them, if that
+    lies on one side. There two solids touch, or what is cut ends at the face of the tool, and no film is left."""
+    around = solid.clipped((points[:, None, :] + cell * AROUND).reshape(-1, 3)).reshape(len(points), len(AROUND)) < 0.0
+    return np.where(inside, around.any(axis=1), around.all(axis=1))
 
 
 def _zeros(solid: _Solid, first: Array, cell: float, starts: Array, axes: Array, ends: Array) -> NDArray[np.float64]:

@@ -57,6 +57,31 @@ def test_thickness_of_a_shell_at_any_size(size: float) -> None:
     np.testing.assert_allclose(shell.thickness(size * np.array([(0, 2.1, 0), (1.2, 1.2, 1.3)])), 0.2 * size, rtol=1e-4)
 
 
+FLUSH = {
+    "boxes": (rm.box(1) | rm.box(1).translate((1, 0, 0)), 10.0),
+    "boxes along x = y": (
+        rm.box(2**0.5).rotate(rm.pi / 4, "z") | rm.box(2**0.5).rotate(rm.pi / 4, "z").translate((1, 1, 0)),
+        20.0,
+    ),
+    "mirrored": (rm.box(1).translate((0.5, 0.2, 0)).mirror("x"), 10.0),
+    "cylinders": (rm.cylinder(0.5, 1) | rm.cylinder(0.5, 1).translate((0, 1, 0)), 2.5 * np.pi),
+    "halves of a ball": (
+        (rm.sphere(1) & rm.box(4).translate((2, 0, 0))) | (rm.sphere(1) & rm.box(4).translate((-2, 0, 0))),
+        4 * np.pi,
+    ),
+    "eight boxes": (rm.box(1).repeat(1, 2), 24.0),
+}
+
+
+@pytest.mark.parametrize("name", FLUSH)
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_solids_that_touch_at_a_face_have_no_wall_there(name: str, size: float) -> None:
+    """Also where points of the grid lie in the face, at which the field is 0."""
+    solid, area = FLUSH[name]
+    found = rm.measure(solid.scale(size), cells=32)
+    assert found.area == pytest.approx(area * size**2, rel=2e-3)
+
+
 def test_distance_of_two_parts() -> None:
     plate, ball = rm.measure(PLATE, cells=32), rm.measure(rm.sphere(3).translate((30, 1, 2)), cells=32)
     gap = plate.distance(ball)
