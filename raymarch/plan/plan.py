@@ -47,7 +47,7 @@ from raymarch.scene.legal import Condition, conditions_of
 from raymarch.scene.origin import InReach, default_view, range_doubts
 from raymarch.scene.parameter import Spec
 from raymarch.scene.post import PostEffect
-from raymarch.scene.quality import CONTACT, Quality
+from raymarch.scene.quality import CONTACT, LAST_STEP, Quality
 from raymarch.scene.reading import exact_distance, reads_field
 from raymarch.scene.scene import Scene, all_nodes, check_scene
 from raymarch.scene.tracer import OwnTracer
@@ -173,10 +173,10 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
     def contact_share(self) -> float:
         """The largest absolute value of the field at a hit, as a fraction of epsilon; 1 where hits are not refined.
 
-        It is so small that the hit is within an epsilon of the surface, however flat the field.
+        It is so small that a hit, after the last step, is within half an epsilon of the surface of any flat field.
         """
         stretches = self.marching.tracer == "advance"
-        return min(CONTACT, 1.0 / flatness(self.scene.node, stretches)) if self.refined else 1.0
+        return min(CONTACT, (0.5 - LAST_STEP) / flatness(self.scene.node, stretches)) if self.refined else 1.0
 
     @cached_property
     def lights_as_data(self) -> bool:

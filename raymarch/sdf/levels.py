@@ -78,7 +78,7 @@ def _of_slopes(node: Node) -> float:
     return 1.0 if slopes is None else steepest / max(slopes[0], steepest / FLATTEST)
 
 
-STEEP = 4.0
+STEEP = 2.0
 """Steepest slope of a field above which its least slope at the surface is measured."""
 
 FLATTEST = 1e4
@@ -122,12 +122,14 @@ def slopes_at_surface(node: Node) -> tuple[float, float] | None:
 
     An offset by d moves the surface by d over the slope there. Points where the gradient is 0, but for rounding, are
     left out: there two solids touch from both sides, as a mirrored one its image, or an outline its axis of revolution.
+    The slopes are those just outside: nearer, vectors whose square is below `SMALLEST` have short directions.
     """
     found = _surface_points(node, PROBES // 4, 0.05)
     if found is None:
         return None
-    points, _, size = found
-    value, gradient = evaluate_both(undivided_field(node), points)
+    points, normals, size = found
+    outward = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    value, gradient = evaluate_both(undivided_field(node), points + 1e-7 * size * outward)
     slopes = np.linalg.norm(gradient, axis=1)
     slopes = slopes[(np.abs(value) <= 1e-6 * size) & np.isfinite(points).all(axis=1) & (slopes > 1e-9)]
     if len(slopes) < 16:

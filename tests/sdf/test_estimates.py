@@ -125,6 +125,22 @@ def test_a_solid_that_touches_its_image_is_not_flat():
     assert plan(rm.Scene(node, lights=[rm.Sun((1, 1, 1), shadow=True, softness=0.1)])).further
 
 
+@pytest.mark.parametrize("size", [1e-9, 1e-3, 1e6])
+def test_the_flatness_of_a_solid_is_that_of_its_copy_of_another_size(size):
+    """Also where a length that is 0 at the surface is part of the field."""
+
+    def solids(s):
+        plate = rm.rectangle((0.9 * s, 0.7 * s))
+        yield rm.box((3 * s, 0.1 * s, 0.3 * s)).bend(1.8 / s)
+        yield plate.extrude(1.4 * s, scale=0.2)
+        yield plate.shell(0.08 * s).extrude(1.2 * s, scale=0.5, twist=1.2)
+        yield rm.box((0.8 * s, 1.4 * s, 0.6 * s)).taper(0.3 / s).twist(1 / s).taper(-0.4 / s)
+
+    for here, there in zip(solids(1.0), solids(size), strict=True):
+        assert flatness(there) == pytest.approx(flatness(here), rel=1e-3)
+        assert slopes_at_surface(there) == pytest.approx(slopes_at_surface(here), rel=1e-3)
+
+
 def test_pipes_and_means_tell_how_flat_their_field_is():
     """Their spread is not known."""
     pipe = rm.pipe(rm.sphere(), rm.sphere(1.1).translate((0.05, 0.02, 0)), 0.072)
