@@ -157,7 +157,9 @@ def assemble(
         called = frozenset[str]().union(*(chunk.needs for chunk in (*mains, *promised.chunks)))
         if setup is not None:  # `set_frame` calls functions of the camera and of the values of the frame
             called |= {function.name for function in values.functions}
-        roots = [root for root in roots if root.name in called]
+        asked = [root for root in roots if root.name in called]
+        inner = {node.data for node in direct_calls([root.body for root in asked])}  # these keep their names too
+        roots = [root for root in roots if root in inner or root.name in called]
     fields, parameters, text = _fields(plan, roots, taken, constants, places)
     declared = Chunk.of("constants", [line for name, line in fixed.items() if name in taken])
     generated |= {name: lambda: declared for name in declared.gives} | {root.name: lambda: fields for root in roots}

@@ -184,6 +184,17 @@ def test_shadows_of_divided_fields_are_counted(renderer):
     assert soft > hard > plain
 
 
+@pytest.mark.parametrize("tracer", ["bracketing", "advance"])
+def test_samples_of_occlusion_are_counted(renderer, tracer):
+    """Also where no ray asks the field itself, because solids tell how far a ray is free."""
+    node = rm.union(rm.sphere(), rm.box(1.2).translate((0.8, 0, 0)), k=0.1) | rm.plane(offset=-1)
+    scene = rm.Scene(node, rm.Camera((0, 2, 5), (0, 0, 0)), [], rm.Sky(light=True), quality=rm.Quality(tracer=tracer))
+    hit = np.isfinite(renderer.render(scene).depth)
+    dimmed = scene.replace(occlusion=rm.AmbientOcclusion(steps=4))
+    asked = evaluation_counts(dimmed, renderer) - evaluation_counts(scene, renderer)
+    assert np.array_equal(asked, 4.0 * hit)
+
+
 def test_the_counting_text():
     text = "float field(vec3 p) {\n    return 1.0;\n}\n\nvoid main() {\n    out_color = vec4(field(vec3(0.0)));\n}\n"
     made = counting_text(text).splitlines()

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import raymarch as rm
+from raymarch.cost.effects import evaluation_counts
 from raymarch.gpu import Renderer
-from tests.lab.evaluation_counts import count_evaluations
 
 Array = NDArray[np.float64]
 
@@ -183,7 +183,8 @@ def main(arguments: list[str] | None = None) -> int:
                 scene = pair.scene(method, tracer=given.tracer)
                 share = renderer.render(scene).color[..., 0] / free
                 errors[method, pair.kind].append((share - wanted)[judged])
-                asked = count_evaluations(renderer, scene).shading
+                bare = pair.scene(method, shadow=False, tracer=given.tracer)
+                asked = evaluation_counts(scene, renderer) - evaluation_counts(bare, renderer)
                 points = 64 if method == "sampled" else 1
                 costs[method].append(
                     (float(asked.mean()) / points, float(asked[lit].mean()) / points if lit.any() else 0)
