@@ -18,6 +18,7 @@ from raymarch.expr.function import Function
 from raymarch.expr.node import Expr
 from raymarch.expr.types import STATE
 from raymarch.expr.walk import find, topological
+from raymarch.proof.blends import Blend, Tree
 from raymarch.proof.enclosure import ENCLOSURES, SOLVED
 from raymarch.proof.facts import OURS
 from raymarch.proof.rays import Boxes, Rays, Stretch, Whole
@@ -54,12 +55,48 @@ class Form:
     root: Expr
     params: Sequence[Expr]
 
+    @classmethod
+    def of(cls, body: Expr, params: Sequence[Expr], columns: Sequence[Array], nodes: Sequence[Node]) -> Form:
+        return cls(Program([body], params, ENCLOSURES), columns, nodes, body, params)
+
     def enclose(self, points: Span, rows: Whole) -> Span:
         found: Span = self.program(points, *(constant(column[rows]) for column in self.columns))[0]
         return found
 
+    def unbounded(self, points: Span, rows: Whole) -> Sequence[Expr | None]:
+        """The first operation without bounds on each stretch, if there is one."""
+        nodes = [
+            node for node in topological([self.root]) if node.op not in ("const", "var") and node.type is not STATE
+        ]
+        program = Program(nodes, self.params, ENCLOSURES)
+        values = program(points, *(constant(column[rows]) for column in self.columns))
+        blamed = np.full(len(rows), -1)
+        for number, value in enumerate(values):
+            if isinstance(value, Span) and value.slope is not None:
+                steep = np.maximum(np.abs(value.slope[0]), np.abs(value.slope[1]))
+                wide = np.broadcast_to(steep, (len(rows), *nodes[number].type.shape))
+                blamed[(blamed < 0) & ~np.isfinite(wide).reshape(len(rows), -1).all(axis=1)] = number
+        return [nodes[number] if number >= 0 else None for number in blamed]
+
     def node(self, row: int) -> Node:
         return self.nodes[row if len(self.nodes) > 1 else 0]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Blended:
+    """A blend of many operands."""
+
+    blend: Blend
+    solid: Node
+
+    def enclose(self, points: Span, _rows: Whole) -> Span:
+        return self.blend.enclose(points)
+
+    def unbounded(self, _points: Span, rows: Whole) -> Sequence[Expr | None]:
+        return [None] * len(rows)
+
+    def node(self, _row: int) -> Node:
+        return self.solid
 
 
 class Operands:
@@ -74,13 +111,12 @@ class Operands:
         parts = Parts(root)
         nodes: list[Node] = [root] if whole else [*parts.solids, *parts.blends]
         self.assumed = _assumed([root])
-        self.forms: list[Form] = []
+        self.forms: list[Form | Blended] = []
         form_of, row_of = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
         found, forms, rows = numbered_forms([Lowering(rays=rays).field(node) for node in nodes])
         for number, (body, params, columns) in enumerate(found):
-            program = Program([body], params, ENCLOSURES)
-            own = np.flatnonzero(forms == number)
-            self.forms.append(Form(program, columns, [nodes[i] for i in own[np.argsort(rows[own])]], body, params))
+            own = [nodes[i] for i in np.flatnonzero(forms == number)]
+            self.forms.append(self._blended(own[0], body, params) or Form.of(body, params, columns, own))
         form_of.append(forms)
         row_of.append(rows)
         facts = [node.facts for node in nodes]
@@ -93,10 +129,9 @@ class Operands:
                 field = form.columns.field
                 with bound(values.params, values.time):
                     columns = [np.asarray(c, np.float64) for c in form.columns.values]
-                program = Program([field.body], field.params, ENCLOSURES)
                 form_of.append(np.full(len(form), len(self.forms)))
                 row_of.append(np.arange(len(form)))
-                self.forms.append(Form(program, columns, [many], field.body, field.params))
+                self.forms.append(Form.of(field.body, field.params, columns, [many]))
                 lower.append(form.lower)
                 upper.append(form.upper)
         self.form_of, self.row_of = np.concatenate(form_of), np.concatenate(row_of)
@@ -104,6 +139,15 @@ class Operands:
         known = np.all(low <= high, axis=1)[:, None] & np.isfinite(low) & np.isfinite(high) & (not whole)
         size = np.where(known, np.maximum(np.abs(low), np.abs(high)), 0.0).max(axis=1, initial=0.0)[:, None]
         self.boxes = Boxes(np.where(known, low - MARGIN * size, -np.inf), np.where(known, high + MARGIN * size, np.inf))
+
+    def _blended(self, node: Node, body: Expr, params: Sequence[Expr]) -> Blended | None:
+        """A bounded blend of many operands; None for another solid, and for operands that differ in numbers."""
+        low, high = node.facts.lower, node.facts.upper
+        tree = Tree.of(body, params) if len(params) == 1 and np.all(np.isfinite([low, high]) & (low <= high)) else None
+        if tree is None:
+            return None
+        with bound(self.values.params, self.values.time):
+            return Blended(Blend(tree, params, low, high), node)
 
     def __len__(self) -> int:
         return len(self.form_of)
@@ -156,35 +200,31 @@ class Operands:
                     found[what] = found.get(what, 0) + count
         return found
 
-    def _blamed(self, rays: Rays, form: Form, part: Stretch) -> dict[str, int]:
+    def _blamed(self, rays: Rays, form: Form | Blended, part: Stretch) -> dict[str, int]:
         """The solid of each stretch, and the first operation without bounds, if there is one."""
-        nodes = [
-            node for node in topological([form.root]) if node.op not in ("const", "var") and node.type is not STATE
-        ]
         middle = 0.5 * (part.start + part.end)
         rows = self.row_of[part.operands]
         here = stretches(up(middle - part.start), up(part.end - middle))
         with bound(self.values.params, self.values.time), here:
-            points = rays.points(part.rays, part.start, part.end, middle)
-            program = Program(nodes, form.params, ENCLOSURES)
-            values = program(points, *(constant(column[rows]) for column in form.columns))
-        blamed = np.full(len(part), -1)
-        for number, value in enumerate(values):
-            if isinstance(value, Span) and value.slope is not None:
-                steep = np.maximum(np.abs(value.slope[0]), np.abs(value.slope[1]))
-                wide = np.broadcast_to(steep, (len(part), *nodes[number].type.shape))
-                blamed[(blamed < 0) & ~np.isfinite(wide).reshape(len(part), -1).all(axis=1)] = number
+            blamed = form.unbounded(rays.points(part.rays, part.start, part.end, middle), rows)
         found: dict[str, int] = {}
-        for number, row in zip(blamed, rows, strict=True):
+        for first, row in zip(blamed, rows, strict=True):
             node = form.node(int(row))
-            op = "values between wide bounds" if number < 0 else _named(nodes[number])
+            op = "values between wide bounds" if first is None else _named(first)
             where = f" at {node.where}" if node.where else ""
             what = f"{node.name}{where}: {op}"
             found[what] = found.get(what, 0) + 1
         return found
 
     def _on_both_sides(
-        self, rays: Rays, form: Form, part: Stretch, middle: Array, some: Whole, jumps: Array, results: Sequence[Array]
+        self,
+        rays: Rays,
+        form: Form | Blended,
+        part: Stretch,
+        middle: Array,
+        some: Whole,
+        jumps: Array,
+        results: Sequence[Array],
     ) -> None:
         """Sharper ranges of the stretches over a few jumps: the hull of the values on all sides."""
         if not len(jumps):
