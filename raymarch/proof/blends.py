@@ -40,6 +40,9 @@ DEEPEST = 10
 ROWS = 1 << 12
 """Operands evaluated at once: their arrays then stay in the CPU cache."""
 
+PAIRS = 1 << 15
+"""Operands of all cells that are made at once, for the same reason."""
+
 FAR = 1e30
 """A value beyond the reach of a fold that has one."""
 
@@ -249,8 +252,11 @@ class Blend:
                 break
             codes, which, of = np.unique(place @ CODE, return_index=True, return_inverse=True)
             new = np.array([code not in self._numbers[level] for code in codes], bool)
-            if new.any():
-                self._make(level, codes[new], place[which[new]] - 2.0, cell[rows[which[new]]])
+            codes_, places, parents = codes[new], place[which[new]] - 2.0, cell[rows[which[new]]]
+            parts = np.cumsum([len(self._kept[parent]) for parent in parents]) // PAIRS
+            for some in np.split(np.arange(len(parents)), np.flatnonzero(np.diff(parts)) + 1):
+                if len(some):
+                    self._make(level, codes_[some], places[some], parents[some])
             cell[rows] = np.array([self._numbers[level][code] for code in codes])[of]
         return cell
 

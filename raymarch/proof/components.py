@@ -34,7 +34,10 @@ def _each(range_of: Range, slope_of: Slope) -> Rule:
         if all(v.slope is None for v in values):
             return Span(low, high, (low, high), None)
         at = range_of(*[v.at for v in values])
-        return spanned(low, high, at, slope_of(*values, (low, high)))
+        slope = slope_of(*values, (low, high))
+        if sum(v.slope is not None for v in values) == 1:  # the mean value theorem has narrowed its range
+            return Span(low, high, at, slope)
+        return spanned(low, high, at, slope)
 
     return rule
 
@@ -45,7 +48,7 @@ def _plus(a: Interval | None, b: Interval | None) -> Interval:
         found = b if a is None else a
         assert found is not None
         return found
-    return r.add(a, b)
+    return r.near_sum(a, b)
 
 
 def _scaled(slope: Interval | None, factor: Interval) -> Interval | None:

@@ -40,6 +40,8 @@ class Stretches(threading.local):
 
     before: Array = np.zeros(1)
     behind: Array = np.zeros(1)
+    long: bool = False
+    """Whether no such length is 0."""
     jumps: list[Array] | None = None
     """For each operation that may jump, in order: where it has two values, (N,) each. None: not asked."""
     sides: Array | None = None
@@ -54,13 +56,13 @@ now = Stretches()
 @contextmanager
 def stretches(before: Array, behind: Array) -> Iterator[None]:
     """Evaluate stretches that begin `before` their centres and end `behind` them; lengths (N,), rounded up."""
-    earlier = now.before, now.behind
-    now.before, now.behind = before, behind
+    earlier = now.before, now.behind, now.long
+    now.before, now.behind, now.long = before, behind, bool(np.all(before > 0.0) and np.all(behind > 0.0))
     try:
         with np.errstate(all="ignore"):
             yield
     finally:
-        now.before, now.behind = earlier
+        now.before, now.behind, now.long = earlier
 
 
 @contextmanager
@@ -102,14 +104,22 @@ def spanned(low: Array, high: Array, at: Interval, slope: Interval | None) -> Sp
         return Span(low, high, at, None)
     axes = (..., *(None,) * (np.ndim(slope[0]) - 1)) if np.ndim(slope[0]) > 1 else ...
     before, behind = now.before[axes], now.behind[axes]
-    falls = np.maximum(np.maximum(_over(slope[1], before), _over(-slope[0], behind)), 0.0)
-    rises = np.maximum(np.maximum(_over(-slope[0], before), _over(slope[1], behind)), 0.0)
-    return Span(np.fmax(low, r.down(at[0] - r.up(falls))), np.fmin(high, r.up(at[1] + r.up(rises))), at, slope)
+    back = -slope[0]
+    falls = np.maximum(np.maximum(_over(slope[1], before), _over(back, behind)), 0.0)
+    rises = np.maximum(np.maximum(_over(back, before), _over(slope[1], behind)), 0.0)
+    return Span(np.fmax(low, _beyond(at[0], falls, -1.0)), np.fmin(high, _beyond(at[1], rises, 1.0)), at, slope)
 
 
 def _over(slope: Array, length: Array) -> Array:
     """The change over a length. A slope may be infinite or NaN, which is unknown."""
-    return np.where(length == 0.0, 0.0, slope * length)
+    return slope * length if now.long else np.where(length == 0.0, 0.0, slope * length)
+
+
+def _beyond(x: Array, by: Array, side: float) -> Array:
+    """Below or above x by at least a length, and by the errors of the length and of the result: half a unit in the last
+    place each, and that of this sum."""
+    margin = (np.abs(x) + by) * (2.0 * r.ULP) + by + r.TINY
+    return x - margin if side < 0.0 else x + margin
 
 
 def lifted(value: Span, own: Type, wanted: Type) -> Span:

@@ -13,12 +13,17 @@ import pytest
 from numpy.typing import NDArray
 
 from raymarch.proof import rounding as r
+from raymarch.proof.span import _beyond
 
 COUNT = 300
 """Arguments of each operation; `python -m tests.lab.rounding` tries more."""
 
+L, RISES = 0.1 + 2.0**-50, (0.0, 1e6)
+"""A number with many places, and changes along a stretch."""
+
 ONE: dict[str, tuple[Callable[..., Any], Callable[..., Any], tuple[float, float]]] = {
     "root": (r.root, mpmath.sqrt, (0.0, 1e300)),
+    "times": (lambda x: r.mul(x, (np.asarray(-L),) * 2), lambda x: -L * x, (-1e6, 1e6)),
     "square": (r.square, lambda x: x * x, (-1e6, 1e6)),
     "reciprocal": (r.reciprocal, lambda x: 1 / x, (1e-6, 1e6)),
     "exp": (r.exp, mpmath.exp, (-745.0, 709.0)),
@@ -38,6 +43,9 @@ ONE: dict[str, tuple[Callable[..., Any], Callable[..., Any], tuple[float, float]
 BOTH = (-1e6, 1e6)
 TWO: dict[str, tuple[Callable[..., Any], Callable[..., Any], tuple[tuple[float, float], tuple[float, float]]]] = {
     "add": (r.add, lambda x, y: x + y, (BOTH, BOTH)),
+    "near_sum": (r.near_sum, lambda x, y: x + y, (BOTH, BOTH)),
+    "below by a rise": (lambda x, y: (_beyond(x[0], L * y[1], -1.0), x[1]), lambda x, y: x - L * y, (BOTH, RISES)),
+    "above by a rise": (lambda x, y: (x[0], _beyond(x[1], L * y[1], 1.0)), lambda x, y: x + L * y, (BOTH, RISES)),
     "sub": (r.sub, lambda x, y: x - y, (BOTH, BOTH)),
     "mul": (r.mul, lambda x, y: x * y, (BOTH, BOTH)),
     "div": (r.div, lambda x, y: x / y, (BOTH, (1e-3, 1e6))),
