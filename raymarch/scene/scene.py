@@ -127,7 +127,8 @@ class Scene(Value):
         several_nodes = isinstance(node, list | tuple) and node and all(isinstance(part, Node) for part in node)
         solid = instance("Scene: node", node, Node, "rm.union(*nodes)" if several_nodes else "a node such as sphere()")
         if solid.dimension != 3:
-            raise SceneError(f"Scene: {solid.name} is flat", legal="a solid; extrude or revolve it first")
+            legal = "a solid; extrude or revolve it first"
+            raise SceneError(f"Scene: {solid.name} is flat", legal=legal, where=solid.where)
         *names, last = (f"{kind.__name__}(...)" for kind in KINDS)
         kinds = f"{', '.join(names)} or {last}"
         given: tuple[Light, ...] = _several("lights", [Sun()] if lights is None else lights, Light, kinds, "[Sun()]")

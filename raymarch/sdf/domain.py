@@ -143,7 +143,8 @@ class Domain:
             with np.errstate(over="ignore"):  # checked in float32, the shader's precision: overflow and underflow count
                 low = high = given.data.astype(np.float32)
             if not np.all(np.isfinite(low)):
-                raise SceneError(f"{node}: {name} = {short(value)} is not finite", legal=self.legal)
+                what = "infinite in float32" if np.all(np.isfinite(given.data)) else "not finite"
+                raise SceneError(f"{node}: {name} = {short(value)} is {what}", legal=self.legal)
             if self.direction and not np.any(given.data):
                 raise SceneError(f"{node}: {name} = {short(value)}", legal=self.legal)
         ranged = not find([given], "time")
@@ -152,6 +153,8 @@ class Domain:
         below = smallest <= self.low if self.open else smallest < self.low
         if np.any(below) or np.any(largest > self.high):
             shown = short(value) if given.is_constant else f"an expression between {low} and {high}"
+            if given.is_constant and np.any((low == 0.0) & (given.data != 0.0)):
+                shown += " is 0 in float32"
             raise SceneError(f"{node}: {name} = {shown}", legal=f"{self.legal}{self._cure(given)}")
 
     def _cure(self, given: Expr) -> str:
