@@ -28,7 +28,7 @@ PACKAGES = ("expr", "sdf", "scene", "truth")
 
 MARCHING = set(
     "tracer max_steps epsilon normals omega beta step_scale step_variation schedule refinement assume_certified "
-    "samples temporal steps_per_pass lights_per_pass rays shadow_steps light_samples".split()
+    "samples edges temporal steps_per_pass lights_per_pass rays shadow_steps light_samples".split()
 )
 """Fields of Quality that do not change the reference. The reference depends on all others, such as a shading model."""
 

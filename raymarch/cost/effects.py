@@ -123,6 +123,8 @@ def ablations(scene: Scene) -> Iterator[tuple[str, Scene]]:
         yield f"bounce {scene.bounces}", scene.replace(bounces=scene.bounces - 1)
     if scene.quality.samples > 1:
         yield "anti-aliasing", scene.replace(quality=scene.quality.replace(samples=1))
+    elif scene.quality.edges == "distance":
+        yield "anti-aliasing", scene.replace(quality=scene.quality.replace(edges="samples"))
 
 
 def _switches(parts: list[Any]) -> list[str]:

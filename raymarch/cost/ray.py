@@ -107,7 +107,7 @@ def ray_samples(
     scene = as_scene("ray_samples", scene)
     column, row = _pixel(pixel, size)
     quality = scene.quality if tracer is None else scene.quality.replace(tracer=tracer, omega=None)
-    quality = quality.replace(**SINGLE_PASS, samples=1, rays="computed")
+    quality = quality.replace(**SINGLE_PASS, samples=1, edges="samples", rays="computed")
     with Renderer(size, backend) as renderer:
         made = plan(scene.replace(quality=quality), ("ray",), size, device=renderer.context.driver.device_class)
         pose, samples, end = _drawn(renderer, assembled(made), (column, row), set_values(made.parameters, params, time))

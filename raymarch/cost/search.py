@@ -289,7 +289,7 @@ def _nothing_keeps(metric: str, best: Point, doubt: float) -> CostError:
 
 def _sample_counts(base: Quality, metric: str) -> tuple[int, ...]:
     """Candidate rays per pixel: the base's own, and more for the error of a picture; one with a step limit per pass."""
-    more = SAMPLES if metric == "flip_p99" and base.steps_per_pass is None else ()
+    more = SAMPLES if metric == "flip_p99" and base.steps_per_pass is None and base.edges == "samples" else ()
     return (base.samples, *(n for n in more if n > base.samples))
 
 

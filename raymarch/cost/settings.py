@@ -10,7 +10,7 @@ from functools import lru_cache
 from typing import Any
 
 from raymarch.cost.variants import VARIANTS, varied
-from raymarch.errors import CostError, SceneError
+from raymarch.errors import CostError, PlanError, SceneError
 from raymarch.plan.marching import PIXEL, SCHEDULES, Marching, refined, unmarched
 from raymarch.plan.plan import Plan, marched_otherwise, plan
 from raymarch.scene.quality import PRESETS, Quality
@@ -43,6 +43,7 @@ AXES = (
     Axis("beta", (0.15, 0.3, 0.6)),
     Axis("step_scale", (0.7, 1.0)),
     Axis("samples", (1, 4, 16)),
+    Axis("edges", ("samples", "distance")),
     Axis("frames", (4, 16)),
     Axis("scale", (0.5, 2.0)),
     Axis("rays", ("computed", "interpolated")),
@@ -122,7 +123,7 @@ def axes(names: Sequence[str] | None = None, given: Mapping[str, Sequence[Any]] 
 def grid(scene: Scene, chosen: Iterable[Axis], size: tuple[int, int] | None = None) -> list[Setting]:
     """The settings of a sweep: the scene's own first, the presets, the crossed axes, then the others one at a time.
 
-    Combinations that `Quality` rejects, and duplicates for this scene, are left out.
+    Combinations that `Quality` or the plan rejects, and duplicates for this scene, are left out.
     """
     base = scene.quality
     found: dict[Any, Setting] = {_meant(scene, Setting("base", base), size): Setting("base", base)}
@@ -134,7 +135,7 @@ def grid(scene: Scene, chosen: Iterable[Axis], size: tuple[int, int] | None = No
         try:
             made = setting(base, change)
             meant = _meant(scene, made, size)
-        except (SceneError, ValueError):
+        except (SceneError, PlanError, ValueError):
             continue
         found.setdefault(meant, made)
     return list(found.values())

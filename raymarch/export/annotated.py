@@ -90,7 +90,7 @@ def figure(
     scene = as_scene("figure", scene)
     corners = _box_of(scene, box)
     with Renderer(size, backend) as renderer:
-        made = scene.replace(quality=scene.quality.replace(samples=samples))
+        made = scene.replace(quality=scene.quality.replace(samples=samples, edges="samples"))
         frame = renderer.render(made, time, params, ("color", "depth"))
         image, depth, pose = np.asarray(frame.image()), frame.depth, _pose(frame)
     width, height = size

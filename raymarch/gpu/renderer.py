@@ -300,7 +300,7 @@ class Renderer:
         """The geometry arrays of a sparse, even subset of the picture's rays, with the pixel footprint of the
         picture."""
         small = vouch.sparse_size(self.size)
-        plain = scene.quality.replace(**SINGLE_PASS, samples=2)  # which start where the cone of their pixel ended
+        plain = scene.quality.replace(**SINGLE_PASS, samples=2, edges="samples")  # from where their pixel's cone ended
         ready, inputs = self._ready(Picture(scene.replace(quality=plain), values, pose, ("done",), self.size))
         inputs = inputs.with_uniforms({"u_resolution": small})
         draw_calls = list(_named(Drawing(self.resources, ready, inputs, small, History())))

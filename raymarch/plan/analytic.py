@@ -59,7 +59,7 @@ class Analytic:
         return boxes if len(boxes) <= MOST_BOXES else [around(boxes)]
 
 
-def choose(root: Node, asked: bool | None, hidden: bool = False) -> Analytic:
+def choose(root: Node, asked: bool | None, hidden: bool = False, edges: bool = False) -> Analytic:
     """Choose the solids to solve.
 
     root : the tree with its objects as rows. asked : see `Quality.analytic`. hidden : some solid is hidden from some
@@ -75,7 +75,7 @@ def choose(root: Node, asked: bool | None, hidden: bool = False) -> Analytic:
     solved: list[Node] = []
     marched: list[Node] = []
     for node in operands:
-        closed = has_closed_form(node) and not node.facts.empty
+        closed = has_closed_form(node) and not node.facts.empty and not (edges and node.facts.bounded)
         (solved if closed else marched).append(node)
     if not solved:
         return Analytic(f"no operand of the outermost hard union is one of {', '.join(NAMES)}, only rotated and moved")

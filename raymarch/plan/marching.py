@@ -168,6 +168,8 @@ def choose(
         schedule_reason = "cells skip empty space, so cones would save less than their program takes to compile"
     if standalone:
         schedule, schedule_reason = SINGLE, "a standalone shader draws the picture in one pass"
+    elif quality.edges == "distance":
+        schedule, schedule_reason = SINGLE, "rays are wider than cones: Quality(edges='distance')"
     elif scene.motion_blur:
         schedule, schedule_reason = SINGLE, "the scene moves while the shutter is open, and cones hold one moment"
     elif certified and not (quality.shortened or quality.steps_per_pass) and several:

@@ -112,6 +112,7 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
             "BOUNCES": self.scene.bouncing,
             "CONES": self.marching.cones,
             "CUTS": marching.cut(self.scene),
+            "EDGES": self.scene.quality.edges == "distance",
             "GRID": self.marching.resumed and marching.interlaced(self.scene),
             "LIT": self.lights_split,
             "NOTED": any(p.notes for p in self.passes),
@@ -392,7 +393,9 @@ def _features(made: Plan) -> list[Feature]:
     feature("visibility by rays", bool(made.hidden), f"parts are hidden from {kinds} rays", why)
     quality = scene.quality
     feature("cones", made.marching.cones, made.marching.schedule_reason, made.marching.schedule_reason)
-    feature("anti-aliasing", quality.samples > 1, f"{quality.samples} rays per pixel", "one ray per pixel")
+    several, smooth = quality.samples > 1, quality.edges == "distance"
+    why = "Quality(edges='distance'): silhouettes cover their share of a pixel" if smooth else ""
+    feature("anti-aliasing", several or smooth, why or f"{quality.samples} rays per pixel", "one ray per pixel")
     temporal = quality.temporal != "off"
     kept = f"Quality(temporal={quality.temporal!r})" if temporal else "the samples of a pixel are averaged"
     feature("history textures", temporal or quality.samples > 1, kept, "no frames or samples are accumulated")

@@ -37,7 +37,8 @@ def single_sample(scene: Scene) -> Scene:
     """The scene with one sample per pixel, marched in one pass without cones, by values of the field alone."""
     asked = scene.quality.tracer
     tracer = "bracketing" if asked in ("auto", "advance") else asked  # of certified fields; of estimates as "auto"
-    return scene.replace(quality=scene.quality.replace(**SINGLE_PASS, samples=1, analytic=False, tracer=tracer))
+    single = scene.quality.replace(**SINGLE_PASS, samples=1, edges="samples")
+    return scene.replace(quality=single.replace(analytic=False, tracer=tracer))
 
 
 def plan_faults(scene: Scene) -> Probing:

@@ -138,10 +138,29 @@ def _refuse_mixed(scene: Scene, standalone: bool) -> bool:
         if used and scene.quality.steps_per_pass is not None:
             what = f"Quality(steps_per_pass=...) marches one ray per pixel, and Camera({name}=...) needs many"
             raise PlanError(what, legal=f"steps_per_pass=None, or {name}=0", where=scene.camera.where)
+    if scene.quality.edges == "distance":
+        _refuse_edges(scene)
     if found["shutter"] and standalone:
         what = "Camera(shutter=...): an exported shader draws one moment"
         raise PlanError(what, legal="shutter=0, or a picture or film by `raymarch render`", where=scene.camera.where)
     return any(found.values())
+
+
+def _refuse_edges(scene: Scene) -> None:
+    """PlanError for a scene whose edges cannot be smoothed by distance: one whose pixels need many rays anyway, or
+    whose field is no distance near the surface."""
+    found = {
+        "Camera(aperture=...)": scene.camera.lens,
+        "Camera(shutter=...)": scene.motion_blur,
+        "Scene(bounces=...)": scene.bouncing,
+    }
+    for name, used in found.items():
+        if used:
+            what = f"Quality(edges='distance') smooths the edges that one sharp ray meets, and {name} needs many rays"
+            raise PlanError(what, legal="edges='samples', with Quality(samples=...)", where=scene.where)
+    if not marching.trusted(scene):
+        what = "Quality(edges='distance') reads how far an edge is from the field, and this field is an estimate"
+        raise PlanError(what, legal="edges='samples', with Quality(samples=...)", where=scene.where)
 
 
 # Objects
@@ -235,11 +254,12 @@ def fields_of(
     operations = count_operations([field.body], turns=not gathered.rows)
     if refuse is not None:
         refuse(made.seconds, operations, len(lowering.shapes))
+    quality = asked.scene.quality
     solid, hidden, seen = gathered.node, made.hidden, None
     if hidden:
         _refuse_hidden_glass(asked.scene, solid)
         seen = hoist(lowering.for_camera().field(solid))
-    closed = analytic.choose(solid, asked.scene.quality.analytic, hidden=bool(hidden))
+    closed = analytic.choose(solid, quality.analytic, hidden=bool(hidden), edges=quality.edges == "distance")
     if closed.used:
         closed = analytic.complete(closed, solid, field, lowering, hoist)
     refuse_extent(asked.view, asked.origin, seen or field)

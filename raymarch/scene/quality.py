@@ -48,6 +48,7 @@ SINGLE_PASS: Mapping[str, Any] = {
 NOT_MARCHING = (
     "assume_certified",
     "samples",
+    "edges",
     "temporal",
     "steps_per_pass",
     "lights_per_pass",
@@ -122,6 +123,12 @@ class Quality(Value):
     assume_certified : treat an estimate as a certified field, so that the given tracer and schedule apply to it. For
         comparisons.
     samples : number of camera rays per pixel and frame, distributed over the square of the pixel, 1 to 4096.
+    edges : what smooths silhouettes. "samples": the mean of `samples`. "distance": coverage from the field, as a choice
+        beside samples: the picture has one ray per pixel, and where it passes or enters a silhouette within a pixel,
+        distances beside it tell what share of the pixel the solid covers. What lies behind fills the rest. Edges
+        between materials, creases, shadows and patterns are not smoothed, and pixels at a corner only roughly. All
+        bounded solids are marched. Only with samples=1 in one pass, for certified fields without `bounces`, lens and
+        open shutter; the window draws such a scene with samples.
     temporal : reuse of earlier frames of the same `Renderer`. "off": none. "accumulate": while the picture stays the
         same, each frame adds its samples to the mean. "reproject": the same, and while the camera or the scene moves,
         earlier samples are reprojected.
@@ -178,6 +185,7 @@ class Quality(Value):
     refinement: str = "proven"
     assume_certified: bool = False
     samples: int = 1
+    edges: str = "samples"
     temporal: str = "off"
     steps_per_pass: int | None = None
     lights_per_pass: int | str | None = None
@@ -207,6 +215,8 @@ class Quality(Value):
             others = f"samples = {self.samples}, temporal = {self.temporal!r}"
             what = f"Quality: steps_per_pass = {self.steps_per_pass} with {others}"
             raise SceneError(what, legal="one ray a pixel, samples=1, and temporal 'off' or 'accumulate'")
+        if self.edges == "distance":
+            self._check_edges()
         if self.lights_per_pass is not None and self.temporal == "reproject":
             what = f"Quality: lights_per_pass = {self.lights_per_pass} with temporal = 'reproject'"
             raise SceneError(what, legal="temporal 'off' or 'accumulate'")
@@ -220,6 +230,14 @@ class Quality(Value):
                 )
             low, high = (0, 1) if self.tracer == "enhanced" else (1, 2)
             self._set(omega=real("Quality: omega", self.omega, low, high))
+
+    def _check_edges(self) -> None:
+        """SceneError for settings whose rays do not go through the centre of the pixel, all in one pass."""
+        needed = {"samples": 1, **SINGLE_PASS, "schedule": self.schedule, "rays": "computed"}
+        for name, only in needed.items():
+            if getattr(self, name) != only:
+                what = f"Quality: edges = 'distance' with {name} = {getattr(self, name)!r}"
+                raise SceneError(what, legal=f"{name} = {only!r}, or edges = 'samples'")
 
     @property
     def secondary_steps(self) -> int:
@@ -332,6 +350,7 @@ _CHECKS: Mapping[str, tuple[Any, ...]] = {
     "normals": (choice, NORMALS),
     "schedule": (choice, SCHEDULES),
     "refinement": (choice, REFINEMENTS),
+    "edges": (choice, ("samples", "distance")),
     "temporal": (choice, ("off", "accumulate", "reproject")),
     "rays": (choice, ("computed", "interpolated")),
     "masking": (choice, ("correlated", "separable")),

@@ -41,6 +41,7 @@ def marched_range(plan: Plan) -> Chunk:
 
 def _clip(text: Lines, plan: Plan, name: str, ends: Ends) -> None:
     """A function that clips rays and cones to a box: all at once, or plane by plane if the box is unbounded."""
+    orthographic = plan.scene.camera.orthographic
     text.add(f"vec2 {name}(Ray ray, vec2 range) {{")
     if not any(end is None for _, *pair in ends for end in pair):
         text.add(*filled(f"    return {_clipped(ends)};", "    "))
@@ -51,6 +52,9 @@ def _clip(text: Lines, plan: Plan, name: str, ends: Ends) -> None:
                 if plan.marching.cones:  # as in march/clip_to_box
                     direction += f" {sign} u_cone"
                     origin += f" {sign} u_cone_start" if "WIDE_CONE" in plan.variants else ""
+                if "EDGES" in plan.variants:  # wider by what lies in the same pixel, until the ray has passed it
+                    wider = f" {sign} 4.0 * EDGE_REACH * u_pixel"
+                    origin, direction = origin + wider * orthographic, direction + wider * (not orthographic)
                 if plane is not None:
                     text.add(f"    range = {clip}(range, {origin}, {direction}, {literal(plane)});")
         text.add("    return range;")

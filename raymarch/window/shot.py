@@ -20,12 +20,12 @@ def progressive(scene: Scene) -> Scene:
 
     The first frame looks the same as that of the scene. One plan and one program serve moving and still pictures.
     """
-    quality = scene.quality
+    quality = scene.quality  # its edges are smoothed by the samples of the mean
     temporal = "accumulate" if quality.temporal == "off" else quality.temporal
     several = quality.lights_per_pass
     if several is None and temporal == "accumulate" and lights.splittable(scene) > FEW:
         several = "auto"
-    made = quality.replace(samples=1, temporal=temporal, lights_per_pass=several)
+    made = quality.replace(samples=1, edges="samples", temporal=temporal, lights_per_pass=several)
     return scene if made == quality else scene.replace(quality=made)
 
 

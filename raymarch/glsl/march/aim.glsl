@@ -4,5 +4,8 @@ bool aims_at_surface(float r, float derivative, float near) {
 #ifdef CONE
     return false;
 #endif
+#ifdef EDGES
+    if (edge_width > 0.0) return false;
+#endif
     return derivative < -0.25 && r * (1.0 + derivative) < near * (1.0 - derivative);
 }

@@ -20,6 +20,13 @@ float march_distance(Ray ray, float t) {
 #else
     float r = u_side * field(ray.origin + t * ray.direction);
 #endif
+#ifdef EDGES
+#ifdef ORTHOGRAPHIC
+    r -= edge_width;
+#else
+    r = (r - edge_width * t) / (1.0 + edge_width);
+#endif
+#endif
 #ifdef CONE
 #ifdef WIDE_CONE
     r = (r - u_cone_start - u_cone * t) / (1.0 + u_cone);

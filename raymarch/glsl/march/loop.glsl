@@ -30,6 +30,10 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
     for (int i = 0; i < march_steps; i++) {
 #endif
 #endif
+#ifdef EDGES
+        found = edge_width > 0.0 && is_expected(at);
+        if (found) break;
+#endif
         float width = at.passing ? widths.z : widths.y;
 #ifdef ORTHOGRAPHIC
         bool aiming = at.refining || aims_at_surface(at.r, at.last_derivative, widths.x * at.t + width);

@@ -9,6 +9,9 @@ float noise_of(Ray ray, float t) {
 #ifdef CONE
     return -1.0e30;  // a cone stops before the surface, so it is never in doubt
 #endif
+#ifdef EDGES
+    if (edge_width > 0.0) return -1.0e30;
+#endif
     return rounding(ray, t);
 }
 

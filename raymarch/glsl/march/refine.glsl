@@ -14,6 +14,9 @@ float longest_last_step(vec3 widths, float t) {
 }
 
 bool refined(vec3 widths, float t, float r, float derivative) {
+#ifdef EDGES
+    if (edge_width > 0.0) return true;
+#endif
     float near = derivative < 0.0 ? -derivative * longest_last_step(widths, t) : 1.0e30;
 #ifdef ORTHOGRAPHIC
     return abs(r) <= widths.x * t + min(hit_width(widths), near);

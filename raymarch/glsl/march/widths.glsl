@@ -41,6 +41,9 @@ vec3 hit_widths(Ray ray) {
 #ifdef BOUNCES
     pixels *= secondary_pixel() / u_pixel;
 #endif
+#ifdef EDGES
+    if (edge_width > 0.0) pixels = vec2(cone_share * edge_width);
+#endif
 #endif
 #ifdef ORTHOGRAPHIC
     return vec3(ulps, pixels + ulps * max(size.x, max(size.y, size.z)));

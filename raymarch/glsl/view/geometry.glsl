@@ -7,6 +7,9 @@ void main() {
     Ray ray = camera_ray(PIXEL);
     Hit hit = trace(ray);
     out_march = vec4(-1.0, 0.0, hit.iterations, hit.evaluations);
+#ifdef EDGES
+    out_march.w = evaluations_with_edges(PIXEL);
+#endif
     out_surface = vec4(0.0, 0.0, 0.0, -1.0);
     out_more = vec4(hit.fallbacks, hit.done ? 1.0 : 0.0, hit.t, 0.0);
     if (hit.found) {

@@ -11,9 +11,14 @@ vec3 picture(vec2 pixel) {
     }
     vec3 color = sum.rgb / max(sum.a, 1.0);
 #else
+#ifdef EDGES
+    bool done;
+    vec3 color = smoothed(pixel, done);
+#else
     Ray ray = camera_ray(pixel);
     Hit hit = trace(ray);
     vec3 color = shade(ray, hit);
+#endif
     if (!finite(vec4(color, 1.0))) color = vec3(0.0);
 #endif
     vec3 c = clamp(toned(clamp(color, 0.0, 1.0e30)), 0.0, 1.0);
