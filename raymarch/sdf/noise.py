@@ -208,7 +208,7 @@ def _measured(
         return size if amplitude is None else amplitude, slope if lipschitz is None else lipschitz
 
     def finite(pair: tuple[Any, Any]) -> bool:
-        return all(isinstance(value, Expr) or value < LARGEST for value in pair)
+        return all(isinstance(value, Expr) or value < most for value, most in zip(pair, (np.inf, LARGEST), strict=True))
 
     everywhere = np.full(3, np.inf)
     if finite(found := over(-everywhere, everywhere)):

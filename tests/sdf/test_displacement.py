@@ -81,3 +81,16 @@ def test_the_slope_of_noise_in_a_function_is_derived() -> None:
 )
 def test_what_cannot_be_is_refused(make: Any, says: str) -> None:
     refused(make, says)
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e9, 1e12])
+def test_the_amplitude_of_a_function_may_be_of_any_size(size: float) -> None:
+    """It is a length: what float32 limits is the slope."""
+
+    def made(s: float) -> rm.Node:
+        return rm.sphere(0.8 * s).displace_by(lambda p: 0.15 * s * rm.worley(p * (3 / s)) + 0.1 * p.x * p.y / s)
+
+    for corner, at_one in zip(made(size).bounds, made(1.0).bounds, strict=True):
+        assert corner / size == pytest.approx(at_one)
+    with pytest.raises(rm.SceneError, match="have no limit"):
+        rm.sphere(size).displace_by(lambda p: rm.exp(1e3 * p.x / size) * size)
