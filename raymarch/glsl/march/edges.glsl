@@ -155,42 +155,70 @@ float area_before(float offset, vec2 normal) {
     return offset > 0.0 ? 1.0 - beyond : beyond;
 }
 
+// A number of turns that compilers do not know, so that the field is in the text of a loop once: it may be long.
+int turns(int count) {
+    return u_pixel > 0.0 ? count : 0;
+}
+
 // The least field along a ray beside that of a pixel, near a point: of a parabola, or where a line falls to 0.
 float least_beside(vec2 pixel, Ray ray, float t, vec2 offset, float width) {
-    float r = beside(pixel, ray, t, offset);
-    float after = beside(pixel, ray, t + 0.5 * width, offset);
-    float before = beside(pixel, ray, t - 0.5 * width, offset);
-    float found = min(r, min(before, after));
-    float bend = before + after - 2.0 * r;
-    float rise = after - before;
-    if (bend > 0.01 * width && abs(rise) < 3.0 * bend) found = min(found, r - rise * rise / (8.0 * bend));
-    float fall = max(before, after) - r;
-    if (fall < 0.1 * width) return found;
-    float ahead = min(0.5 * r / fall, 4.0) * width;
-    float there = beside(pixel, ray, before > after ? t + ahead : t - ahead, offset);
-    return there < 0.03 * width ? -width : min(found, there);  // a sheet goes on
+    float middle = 0.0;
+    float after = 0.0;
+    float found = 0.0;
+    float move = 0.0;
+    for (int i = 0; i < turns(4); i++) {
+        float r = beside(pixel, ray, t + move, offset);
+        if (i == 0) {
+            middle = r;
+            move = 0.5 * width;
+        } else if (i == 1) {
+            after = r;
+            move = -0.5 * width;
+        } else if (i == 2) {
+            found = min(middle, min(r, after));
+            float bend = r + after - 2.0 * middle;
+            float rise = after - r;
+            if (bend > 0.01 * width && abs(rise) < 3.0 * bend) found = min(found, middle - rise * rise / (8.0 * bend));
+            float fall = max(r, after) - middle;
+            if (fall < 0.1 * width) break;
+            move = (r > after ? 1.0 : -1.0) * min(0.5 * middle / fall, 4.0) * width;
+        } else {
+            found = r < 0.03 * width ? -width : min(found, r);  // a sheet goes on
+        }
+    }
+    return found;
 }
 
 // How much of a pixel the solid covers that its ray passes or enters. `offset` is the middle of that part, in pixels.
 float covered(vec2 pixel, Ray ray, Chord chord, out vec2 offset) {
     float t = chord.least.x;
     float width = edge_reach(t) / EDGE_REACH;
-    vec2 rise = 5.0 * vec2(beside(pixel, ray, t, vec2(0.1, 0.0)) - beside(pixel, ray, t, vec2(-0.1, 0.0)),
-        beside(pixel, ray, t, vec2(0.0, 0.1)) - beside(pixel, ray, t, vec2(0.0, -0.1)));
+    vec2 rise = vec2(0.0);
+    for (int i = 0; i < turns(4); i++) {
+        vec2 way = i < 2 ? vec2(1 - 2 * i, 0.0) : vec2(0.0, 5 - 2 * i);
+        rise += 5.0 * way * beside(pixel, ray, t, 0.1 * way);
+    }
     float rate = length(rise);
     offset = vec2(0.0);
     if (rate < 0.05 * width && !chord.inside) return 0.0;
     vec2 normal = rate < 1.0e-3 * width ? vec2(1.0, 0.0) : rise / rate;
     vec2 away = 0.5 * normal;
-    float outer = least_beside(pixel, ray, t, away, width);
-    float inner = least_beside(pixel, ray, t, -normal, width);
+    float outer = 0.0;
+    float inner = 0.0;
+    for (int i = 0; i < turns(2); i++) {
+        float least = least_beside(pixel, ray, t, i == 0 ? away : -normal, width);
+        if (i == 0) outer = least; else inner = least;
+    }
     rate = max(2.0 * (outer - chord.least.y), 0.1 * width);
     vec2 ends = vec2(chord.inside ? 0.5 - outer / rate : -chord.least.y / rate, 1.0 - inner / rate);
     if (chord.inside && chord.slope < -0.1) {  // the ray goes through a face: an edge of it, or a thin solid
         float start = chord.entry.x - chord.entry.y / chord.slope;
-        float first = beside(pixel, ray, start, away);
-        float across = 5.0 * (beside(pixel, ray, start, 0.2 * away) - beside(pixel, ray, start, -0.2 * away));
-        ends = vec2(0.5, 1.0) - vec2(min(outer, first), inner) / length(vec2(chord.slope * width, across));
+        float across = 0.0;
+        for (int i = 0; i < turns(3); i++) {
+            float r = beside(pixel, ray, start, i == 0 ? away : i == 1 ? 0.2 * away : -0.2 * away);
+            if (i == 0) outer = min(outer, r); else across += i == 1 ? 5.0 * r : -5.0 * r;
+        }
+        ends = vec2(0.5, 1.0) - vec2(outer, inner) / length(vec2(chord.slope * width, across));
     }
     if (chord.inside) ends = max(ends, 0.0);
     vec2 kept = clamp(ends, -0.5, 0.5);
