@@ -46,7 +46,7 @@ VIEW = np.array([0.55, 0.5, 1.0])
 
 SECTIONS = {
     "Solids": ("solids", "boxes", "rounds", "ball_parts", "polyhedra"),
-    "Flat shapes": ("flat", "flat_curves", "lettering"),
+    "Flat shapes": ("flat", "flat_curves", "outlines", "lettering"),
     "Solids from flat shapes": ("profiles",),
     "Curves": ("curves",),
     "Fractals and periodic surfaces": ("fractals", "folds", "periodic"),
@@ -54,7 +54,7 @@ SECTIONS = {
     "Unions, intersections, differences": ("booleans", "joints"),
     "Place, size and material": ("placing", "affine", "visibility"),
     "Copies": ("repetition", "copies", "cells", "instancing"),
-    "Deformations": ("deform", "noise"),
+    "Deformations": ("offsets", "deform", "noise"),
 }
 """The sections of the page, and the modules of `raymarch.sdf` whose nodes they show."""
 
@@ -126,6 +126,15 @@ SPECIMENS: dict[str, Callable[[], Node]] = {
     "implicit_solid": lambda: rm.implicit(tangle, 2.6),
     "round": lambda: brick().round(0.25),
     "polygon": lambda: rm.polygon(((-0.9, -0.7), (0.8, -0.5), (0.9, 0.6), (0.1, 0.0), (-0.6, 0.8))),
+    "closed_outline": lambda: (
+        rm.sketch((-0.8, -0.7))
+        .line_to((0.5, -0.7))
+        .arc_through((0.9, -0.2), (0.5, 0.3))
+        .spline_to([(0.1, 0.5), (-0.2, 0.8), (-0.8, 0.6)])
+        .fillet(0.15)
+        .hole(rm.sketch((0.2, -0.2)).arc_to((0.7, -0.2), 0.25).arc_to((0.2, -0.2), 0.25))
+        .close()
+    ),
     "polyline": lambda: rm.polyline(((-0.9, -0.5), (-0.3, 0.6), (0.2, -0.3), (0.9, 0.4))),
     "polyline_tube": lambda: rm.polyline_tube(
         ((-0.8, -0.6, 0.3), (-0.3, 0.5, -0.3), (0.2, -0.3, -0.2), (0.8, 0.5, 0.4))
@@ -199,6 +208,7 @@ PUBLIC = {
     "sampled_grid": ("grid", "isosurface", "mesh"),
     "raw_field": ("glsl_node",),
     "implicit_solid": ("implicit",),
+    "closed_outline": ("sketch",),
 }
 """The public functions that make a node, where no function has the name by which the definition is called."""
 

@@ -117,6 +117,7 @@ FUNCTIONS = _keys(
         "degrees rad2deg deg": "math.degrees(angle)",
         "radians deg2rad rad": "math.radians(angle)",
         "clip": "rm.clamp(x, low, high) for a number, a & b for solids",
+        "workplane drawing profile path2d pline buildsketch makeface": "rm.sketch(start).line_to((x, y)) ... .close()",
         "loft blendprofiles": "flat.extrude_to(other, height)",
         "intersectray castray pick": "rm.raycast(node, origins, directions)",
         "hull convexhull minkowski": "node.offset(distance) for the sum with a ball; there is no convex hull",
@@ -171,6 +172,23 @@ METHODS = _keys(
     }
 )
 """Names looked for in a node."""
+
+SKETCHES = _keys(
+    {
+        "lineto hlineto vlineto": "line_to((x, y))",
+        "line hline vline polarline": "line_by((x, y))",
+        "polyline": "line_to((x, y)) for each point, or rm.polygon(points)",
+        "threepointarc sagittaarc": "arc_through(middle, end)",
+        "radiusarc arc": "arc_to(end, radius)",
+        "tangentarcpoint tangentarc": "tangent_arc_to(end)",
+        "spline curve": "spline_to(points)",
+        "bezier curveto": "bezier_to(b, c, d)",
+        "move moveto circle rect": "hole(rm.sketch(...)), or sketch.close() - rm.circle(radius)",
+        "offset2d": "close().offset(distance)",
+        "wire face makeface end done build finish": "close()",
+    }
+)
+"""Names looked for in a sketch."""
 
 PARAMETERS = _keys(
     {
@@ -354,9 +372,11 @@ def unknown_function(name: str, names: Collection[str], methods: Collection[str]
 
 
 def unknown_attribute(owner: str, name: str, names: Collection[str], methods: bool = False) -> UnknownNameError:
-    """The error for an attribute that a node or a part of a scene does not have. methods : True for a node."""
+    """The error for an attribute that a node, sketch or part of a scene does not have. methods : True for a node."""
     if methods:
         text = METHODS.get(key(name))
+    elif owner == "a sketch":
+        text = SKETCHES.get(key(name))
     else:
         text = next((other for other in PARAMETERS.get(key(name), "").split() if other in names), None)
     text = text or _nearest(name, names)

@@ -42,6 +42,7 @@ from raymarch.sdf.raw import *
 from raymarch.sdf.repetition import repeat
 from raymarch.sdf.rounds import *
 from raymarch.sdf.sampled import *
+from raymarch.sdf.sketches import *
 from raymarch.sdf.solids import *
 from raymarch.sdf.tubes import *
 from raymarch.sdf.visibility import visible

@@ -42,6 +42,7 @@ from raymarch.sdf import (
     repeat,
     repeat_varied,
     shape,
+    sketch,
     sphere,
     transform,
     transition,
@@ -316,6 +317,23 @@ SPECIAL: dict[str, dict[str, Callable[[], Node]]] = {
             lambda index: box((0.9, 0.5, 0.7)).rotate(index.x).translate((0.0, 0.1 * index.z, 0.0)),
             (1.6, None, 1.6),
             (3, 1, 2),
+        ),
+    },
+    "closed_outline": {
+        "lines and arcs": lambda: (
+            sketch((-0.8, -0.6))
+            .line_to((0.7, -0.5))
+            .arc_through((0.9, 0.1), (0.4, 0.6))
+            .line_to((0.1, 0.1))
+            .arc_to((-0.6, 0.5), -0.5)
+            .fillet(0.1)
+            .hole(sketch((-0.4, -0.3)).arc_to((-0.1, -0.3), 0.15).arc_to((-0.4, -0.3), 0.15))
+            .close()
+        ),
+        "table": lambda: (
+            sketch((0.8, 0.0))
+            .spline_to([(0.3, 0.5), (-0.5, 0.7), (-0.7, -0.3), (0.1, -0.6), (0.8, 0.0)], tolerance=1e-6)
+            .close()
         ),
     },
     "displaced": {
