@@ -301,7 +301,7 @@ def grouped(found: Sequence[Definition]) -> list[tuple[str, list[Definition]]]:
 
 PARTS = {
     "Camera and quality": (rm.Camera, rm.Quality),
-    "Scene": (rm.Scene, rm.Fog, rm.AmbientOcclusion, rm.ToneMapping, rm.Bloom),
+    "Scene": (rm.Scene, rm.Fog, rm.Medium, rm.AmbientOcclusion, rm.ToneMapping, rm.Bloom),
     "Lights": (Light, rm.Sun, rm.PointLight, rm.SpotLight, rm.SphereLight, rm.RectLight),
     "Materials": (rm.Material, rm.planar, rm.triplanar),
     "Skies": (rm.Sky, rm.GradientSky, rm.SunSky, rm.ImageSky),

@@ -112,7 +112,7 @@ FUNCTIONS = _keys(
         "gold metal chrome steel": "rm.Material(albedo=..., metalness=1, roughness=0.2)",
         "glass water crystal": "rm.Material(transmission=1, ior=1.5)",
         "emissive": "rm.Material(emission=...)",
-        "volume volumetric smoke fire godrays": "rm.Fog(...), which is the only volume",
+        "volume volumetric smoke fire cloud": "rm.Medium(density, bounds), as Scene(fog=...)",
         "rotation rot rot2d": "node.rotate(angle, axis)",
         "degrees rad2deg deg": "math.degrees(angle)",
         "radians deg2rad rad": "math.radians(angle)",

@@ -17,6 +17,7 @@ from raymarch.expr.types import Type
 from raymarch.expr.vocabulary import record
 from raymarch.expr.walk import free_variables
 from raymarch.plan.light_cells import no_power_of_two
+from raymarch.scene.fog import Atmosphere
 from raymarch.scene.light import (
     DIRECTION,
     DIRECTION_SAMPLE,
@@ -110,26 +111,26 @@ class LightTable:
 
 
 class _Lights:
-    """The lights of a scene, as a key of a cache that compares them by identity."""
+    """The lights of a scene and what they pass, as a key of a cache that compares them by identity."""
 
-    def __init__(self, lights: Sequence[Light]) -> None:
-        self.lights = lights
+    def __init__(self, lights: Sequence[Light], fog: Atmosphere | None) -> None:
+        self.lights, self.fog = lights, fog
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Lights) and self.lights is other.lights
+        return isinstance(other, _Lights) and self.lights is other.lights and self.fog is other.fog
 
     def __hash__(self) -> int:
-        return id(self.lights)
+        return hash((id(self.lights), id(self.fog)))
 
 
 def table(scene: Scene) -> LightTable:
     """The table of the lights of a scene."""
-    return _table(_Lights(scene.lights))
+    return _table(_Lights(scene.lights, scene.fog))
 
 
 @lru_cache(16)
 def _table(of: _Lights) -> LightTable:
-    found, kinds = _forms(of.lights), {shadow_of(light) for light in of.lights}
+    found, kinds = _forms(of.lights, of.fog), {shadow_of(light) for light in of.lights}
     ordered = [kind for kind in SHADOWS if kind in kinds]
     head = len(found) > 1 or bool(ordered) or any(form.area for form in found.values())
     head = head or any(light.cut_by_horizon for light in of.lights)
@@ -160,9 +161,10 @@ def _table(of: _Lights) -> LightTable:
     return LightTable(found, ordered, head, fixed, varied, balls, moving, limited, rows_now, balls_now)
 
 
-def _forms(lights: Sequence[Light]) -> dict[Key, LightForm]:
+def _forms(lights: Sequence[Light], fog: Atmosphere | None) -> dict[Key, LightForm]:
     """The forms of some lights, in an order that does not depend on that of the lights."""
     found: dict[Key, LightForm] = {}
+    dimming = None if fog is None else fog.transmittance
     for light in sorted(lights, key=lambda light: _spelled(key(light))):
         of = key(light)
         if of not in found:
@@ -170,10 +172,10 @@ def _forms(lights: Sequence[Light]) -> dict[Key, LightForm]:
             values = {name: var(name, value.type) for name, value in light.emitter_values().items()}
             earlier = sum(other is kind for other, *_ in found)
             name = f"_{_snake(kind.__name__)}{f'_{earlier + 1}' if earlier else ''}"
-            density = density_of(light, values)
+            density = density_of(light, values, dimming)
             met = None if density is None else _function(f"eval{name}", record(LIGHT, *density[0]), values)
             pdf = None if density is None else _function(f"pdf{name}", density[1], values)
-            sample = _function(f"sample{name}", record(LIGHT, *sample_of(light, values)), values)
+            sample = _function(f"sample{name}", record(LIGHT, *sample_of(light, values, dimming)), values)
             shown = ray_hit_of(light, values)
             ray = None if shown is None else _function(f"ray{name}", record(LIGHT_HIT, *map(expr, shown)), values)
             found[of] = LightForm(sample, names, met, pdf, ray)

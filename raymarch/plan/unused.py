@@ -15,6 +15,7 @@ from raymarch.errors import Doubt
 from raymarch.expr.node import Expr
 from raymarch.plan.shading import dims_ambient_light
 from raymarch.scene.fields import SMOOTH
+from raymarch.scene.fog import Fog
 from raymarch.scene.light import Light, has_area, has_disc
 from raymarch.scene.light_kinds import PointLight, SphereLight, Sun
 from raymarch.scene.material import Material
@@ -120,7 +121,7 @@ def _camera(scene: Scene) -> Iterator[Doubt]:
 
 
 def _fog(scene: Scene) -> Iterator[Doubt]:
-    if scene.fog is not None and not is_zero(scene.fog.height) and not scene.fog.layered:
+    if isinstance(scene.fog, Fog) and not is_zero(scene.fog.height) and not scene.fog.layered:
         yield _doubt("Fog(height=...) has no effect without a falloff", of=scene.fog)
 
 

@@ -8,6 +8,7 @@ from raymarch.scene.fog import Fog
 from raymarch.scene.light import DirectionSample, Light
 from raymarch.scene.light_kinds import PointLight, RectLight, SphereLight, SpotLight, Sun
 from raymarch.scene.material import Material
+from raymarch.scene.medium import Medium
 from raymarch.scene.parameter import Param, time
 from raymarch.scene.pattern import checker, grid_lines, marble, noise, stripes
 from raymarch.scene.post import Bloom
@@ -28,6 +29,7 @@ __all__ = [
     "ImageSky",
     "Light",
     "Material",
+    "Medium",
     "Param",
     "PointLight",
     "Quality",

@@ -1,17 +1,19 @@
-"""Fog between the camera and the surfaces, as functions of the expression language."""
+"""What lies between the camera and the surfaces, and fog, as functions of the expression language."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import ClassVar
+from collections.abc import Sequence
+from typing import Any, ClassVar, Self
 
+from raymarch.errors import Location
 from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.convert import optional
 from raymarch.expr.node import Expr, var
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import abs, exp, max, min, mix, normalize, vec3, where
+from raymarch.scene.light import Light
 from raymarch.scene.parameter import as_color, as_number, is_zero
-from raymarch.scene.sky import DIRECTION
+from raymarch.scene.sky import DIRECTION, Sky
 from raymarch.scene.value import Part, value
 from raymarch.sdf.domain import ColorLike, Scalar
 
@@ -22,8 +24,36 @@ SKY_DISTANCE = 1e20
 """Length of rays that reach the sky: beyond all surfaces of the largest scenes, and finite in float32."""
 
 
+class Atmosphere(Part):
+    """Base of what changes the radiance along camera rays."""
+
+    __slots__ = ()
+
+    @property
+    def covers_sky(self) -> bool:
+        """True if rays that reach the sky are changed."""
+        raise NotImplementedError
+
+    @property
+    def lit(self) -> bool:
+        """True if it scatters light of lights, whose values are then part of its function."""
+        return False
+
+    def transmittance(self, p: Expr, wi: Expr, distance: Expr) -> Expr | None:
+        """The fraction of a light in a direction that reaches a point of a surface; None if lights are not dimmed."""
+        return None
+
+    def moved(self, origin: Any) -> Self:
+        """The same, relative to an origin, (3,)."""
+        raise NotImplementedError
+
+    def applied(self, sky: Sky, lights: Sequence[Light], where: Location | None) -> Expr:
+        """The radiance that arrives at ORIGIN of COLOR. sky, lights, where : of the scene."""
+        raise NotImplementedError
+
+
 @value
-class Fog(Part):
+class Fog(Atmosphere):
     """Fog with transmittance exp(-optical depth). Without `falloff` the optical depth is density * distance.
 
     Parameters
@@ -72,7 +102,6 @@ class Fog(Part):
 
     @property
     def covers_sky(self) -> bool:
-        """True if rays that reach the sky are changed."""
         return self.layered and self.color is not None
 
     def optical_depth(self) -> Expr:
@@ -93,10 +122,12 @@ class Fog(Part):
         reach = where(change < SERIES, LENGTH * series, (1.0 - exp(-change)) / max(abs(rate), SMALLEST))
         return self.density * min(reach * exp(denser), 1e30)
 
-    def applied(self, sky: Callable[[Expr], Expr]) -> Expr:
-        """The radiance that arrives at ORIGIN of COLOR. sky : the sky's radiance in a direction."""
+    def moved(self, origin: Any) -> Fog:
+        return self.replace(height=self.height - float(origin[1]))
+
+    def applied(self, sky: Sky, lights: Sequence[Light], where: Location | None) -> Expr:
         level = normalize(vec3(DIRECTION.x, max(DIRECTION.y, 0.0), DIRECTION.z) + 1e-9)
-        return mix(sky(level) if self.color is None else self.color, COLOR, exp(-self.optical_depth()))
+        return mix(sky.function(where)(level) if self.color is None else self.color, COLOR, exp(-self.optical_depth()))
 
 
 SERIES = 0.25

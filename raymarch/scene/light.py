@@ -8,9 +8,9 @@ intensity, and so is the radiant intensity of a point light.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
-from typing import ClassVar, NamedTuple, cast
+from typing import ClassVar, NamedTuple, TypeAlias, cast
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import SHORTEST, SMALLEST
@@ -316,10 +316,21 @@ class Light(Part):
         return self.softness if self.has_position else self.softness / sqrt(1.0 + self.softness * self.softness)
 
 
-def sample_of(light: Light, values: Mapping[str, Expr] | None = None) -> DirectionSample:
+Dimming: TypeAlias = Callable[[Expr, Expr, Expr], Expr | None]
+"""The fraction of a light that reaches a point, by the point, the direction and the distance; None is all of it."""
+
+
+def _dimmed(sample: DirectionSample, dimming: Dimming | None) -> DirectionSample:
+    share = None if dimming is None else dimming(POINT, sample.direction, sample.distance)
+    return sample if share is None else sample._replace(radiance=share * sample.radiance)
+
+
+def sample_of(
+    light: Light, values: Mapping[str, Expr] | None = None, dimming: Dimming | None = None
+) -> DirectionSample:
     """The `sample_direction` of a light at `POINT`, checked. SceneError if it is not of the types of DirectionSample.
 
-    values : stand for its `emitter_values`; None for these themselves.
+    values : stand for its `emitter_values`; None for these themselves. dimming : what the light passes.
     """
     legal = "a DirectionSample(direction, distance, radiance) of a vec3, a float and a vec3, made of its arguments"
     found = light.sample_direction(light.emitter_values() if values is None else values, POINT, SAMPLE, FAR)
@@ -330,7 +341,7 @@ def sample_of(light: Light, values: Mapping[str, Expr] | None = None) -> Directi
     types = [part.type for part in made]
     if types != [VEC3, FLOAT, VEC3]:
         raise SceneError(f"{what} {', '.join(map(str, types))}", legal=legal, where=light.where)
-    return made
+    return _dimmed(made, dimming)
 
 
 def has_area(light: Light) -> bool:
@@ -338,11 +349,13 @@ def has_area(light: Light) -> bool:
     return SAMPLE in free_variables(sample_of(light))
 
 
-def density_of(light: Light, values: Mapping[str, Expr] | None = None) -> tuple[DirectionSample, Expr] | None:
+def density_of(
+    light: Light, values: Mapping[str, Expr] | None = None, dimming: Dimming | None = None
+) -> tuple[DirectionSample, Expr] | None:
     """A light's `eval_direction` at `POINT` and `DIRECTION`, and its `pdf_direction` of `DIRECTION_SAMPLE`, checked.
 
     None if the light cannot be met by a direction, or if a class derived from that of `eval_direction` or
-    `pdf_direction` has another `sample_direction`. values : as for `sample_of`.
+    `pdf_direction` has another `sample_direction`. values, dimming : as for `sample_of`.
     """
     names = ("sample_direction", "eval_direction", "pdf_direction")
     depth = [next(i for i, cls in enumerate(type(light).__mro__) if name in vars(cls)) for name in names]
@@ -356,7 +369,7 @@ def density_of(light: Light, values: Mapping[str, Expr] | None = None) -> tuple[
         what = f"{type(light).__name__}.eval_direction and pdf_direction give {', '.join(map(str, types))}"
         legal = "a DirectionSample(direction, distance, radiance) of a vec3, a float and a vec3; and a float"
         raise SceneError(what, legal=legal, where=light.where)
-    return DirectionSample(*map(expr, met)), expr(pdf)
+    return _dimmed(DirectionSample(*map(expr, met)), dimming), expr(pdf)
 
 
 def has_disc(light: Light, bounces: bool) -> bool:

@@ -111,7 +111,7 @@ def seen_from(scene: Scene, origin: NDArray[np.float64]) -> Scene:
     return scene.replace(
         node=shifted(scene.node, origin),
         lights=tuple(_light_from(light, origin) for light in scene.lights),
-        fog=None if scene.fog is None else scene.fog.replace(height=scene.fog.height - float(origin[1])),
+        fog=None if scene.fog is None else scene.fog.moved(origin),
     )
 
 

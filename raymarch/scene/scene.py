@@ -19,7 +19,7 @@ from raymarch.expr.node import Expr, const
 from raymarch.expr.walk import find
 from raymarch.scene.ambient_occlusion import AmbientOcclusion
 from raymarch.scene.camera import Camera, Pose, framed_box
-from raymarch.scene.fog import Fog
+from raymarch.scene.fog import Atmosphere
 from raymarch.scene.framing import Framed, frame_of
 from raymarch.scene.light import Light, sample_of
 from raymarch.scene.light_kinds import KINDS, Sun
@@ -71,7 +71,7 @@ class Scene(Value):
     lights : sequence of Sun, PointLight, SpotLight, SphereLight and RectLight, or of a kind of your own, see
         docs/extending.md. None is one sun without shadow; [] is no light.
     sky : Sky, or a colour (linear RGB). None is a uniform blue.
-    fog : Fog, or None.
+    fog : Fog or Medium, or None.
     quality : Quality. None is the default quality.
     occlusion : AmbientOcclusion of ambient light, or None.
     tone : ToneMapping from linear light to a picture. None clips values above 1.
@@ -103,7 +103,7 @@ class Scene(Value):
     camera: Camera
     lights: tuple[Light, ...]
     sky: Sky
-    fog: Fog | None
+    fog: Atmosphere | None
     quality: Quality
     occlusion: AmbientOcclusion | None
     bounces: int
@@ -117,7 +117,7 @@ class Scene(Value):
         camera: Camera | None = None,
         lights: Iterable[Light] | None = None,
         sky: Sky | ColorLike | None = None,
-        fog: Fog | None = None,
+        fog: Atmosphere | None = None,
         quality: Quality | None = None,
         occlusion: AmbientOcclusion | None = None,
         tone: ToneMapping | None = None,
@@ -159,7 +159,7 @@ class Scene(Value):
             camera=Camera() if camera is None else instance("Scene: camera", camera, Camera, "Camera(...)"),
             lights=given,
             sky=sky if isinstance(sky, Sky) else Sky() if sky is None else Sky(sky),
-            fog=optional(instance, "Scene: fog", fog, Fog, "Fog(...) or None"),
+            fog=optional(instance, "Scene: fog", fog, Atmosphere, "Fog(...), Medium(...) or None"),
             quality=chosen,
             occlusion=optional(instance, "Scene: occlusion", occlusion, AmbientOcclusion, shading),
             tone=ToneMapping() if tone is None else instance("Scene: tone", tone, ToneMapping, curves),

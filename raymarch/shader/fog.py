@@ -30,7 +30,7 @@ def sky_light() -> Chunk:
 
 def _fog(scene: Scene) -> Function:
     assert scene.fog is not None
-    made = scene.fog.applied(scene.sky.function(scene.where))
+    made = scene.fog.applied(scene.sky, scene.lights, scene.where)
     read = free_variables([made])
     return Function(
         "apply_fog", tuple(p for p in (COLOR, ORIGIN, DIRECTION, LENGTH) if p in read), made, {}, scene.where

@@ -18,7 +18,7 @@ def fogged(scene: Scene, values: Values, color: Array, origins: Array, direction
     """The radiance (N, 3) that arrives at the origins, (3,) or (N, 3), of a colour (N, 3) at distances (N,)."""
     if scene.fog is None:
         return color
-    evaluate = evaluator([scene.fog.applied(scene.sky.function(None))], [COLOR, ORIGIN, DIRECTION, LENGTH])
+    evaluate = evaluator([scene.fog.applied(scene.sky, scene.lights, None)], [COLOR, ORIGIN, DIRECTION, LENGTH])
     with bound(values.params, values.time):
         (found,) = evaluate(color, np.broadcast_to(origins, color.shape), directions, depth)
     return np.array(np.broadcast_to(found, color.shape))

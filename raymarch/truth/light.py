@@ -21,6 +21,7 @@ from raymarch.scene.light import (
     LIGHT,
     POINT,
     SAMPLE,
+    Dimming,
     Light,
     above_horizon,
     density_of,
@@ -58,15 +59,22 @@ class Incoming:
     radiance: Array
 
 
-def incoming(light: Light, values: Values, points: Array, far: float, u: tuple[float, float] = (0.5, 0.5)) -> Incoming:
+def incoming(
+    light: Light,
+    values: Values,
+    points: Array,
+    far: float,
+    u: tuple[float, float] = (0.5, 0.5),
+    dimming: Dimming | None = None,
+) -> Incoming:
     """Incident light of an emitter at some points, by its `sample_direction`.
 
     far : far distance of camera rays. No two points of the scene are farther apart than twice that. u : the random
-    numbers of a light with an area.
+    numbers of a light with an area. dimming : as for `sample_of`.
     """
     shape = points.shape
     with bound(values.params, values.time):
-        found = evaluator(sample_of(light), [POINT, SAMPLE, FAR])
+        found = evaluator(sample_of(light, dimming=dimming), [POINT, SAMPLE, FAR])
         direction, distance, radiance = found(
             points, np.broadcast_to(u, (len(points), 2)), np.full(len(points), 2.0 * far)
         )
@@ -119,9 +127,11 @@ _ABOVE = evaluator(
 )
 
 
-def met_by(light: Light, values: Values, points: Array, far: float, directions: Array) -> Incoming:
-    """Incident light from some directions, (N, 3), by the light's `eval_direction`."""
-    density = density_of(light)
+def met_by(
+    light: Light, values: Values, points: Array, far: float, dimming: Dimming | None, directions: Array
+) -> Incoming:
+    """Incident light from some directions, (N, 3), by the light's `eval_direction`. dimming : as for `sample_of`."""
+    density = density_of(light, dimming=dimming)
     assert density is not None
     with bound(values.params, values.time):
         found = evaluator(density[0], [POINT, DIRECTION, FAR])

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.scene.light import Light, has_disc, power_heuristic
+from raymarch.scene.light import Dimming, Light, has_disc, power_heuristic
 from raymarch.scene.light_kinds import PointLight, SphereLight
 from raymarch.scene.parameter import Values
 from raymarch.scene.relief import shading_normal
@@ -112,6 +112,10 @@ class Surface:
         }
         return sum((outside._from_light(light) for light in self.scene.lights), np.zeros_like(self.points))
 
+    @property
+    def _dimming(self) -> Dimming | None:
+        return None if self.scene.fog is None else self.scene.fog.transmittance
+
     def apply_fog(self, color: Array) -> Array:
         """Attenuate a colour at the surface by the fog, (N, 3) -> (N, 3)."""
         return fogged(self.scene, self.values, color, self.origin, self.directions, self.depth)
@@ -199,7 +203,7 @@ class Surface:
     def _from_light(self, light: Light) -> Array:
         """Reflected light of one emitter: of a light with an area or a sampled penumbra, the mean over points of it."""
         chosen = area_samples(light)
-        centres = (incoming(light, self.values, self.points, self.far, u) for u in chosen)
+        centres = (incoming(light, self.values, self.points, self.far, u, self._dimming) for u in chosen)
         if samples_both(light, self.scene.materials, self.scene.bouncing):
             return self._from_both(light, centres, len(chosen))
         if isinstance(light, SphereLight) and not self._has_disc(light):
@@ -215,7 +219,7 @@ class Surface:
     def _from_both(self, light: Light, centres: Iterator[Incoming], count: int) -> Array:
         """The same of points of the light and directions of the lobes, with the weights of the shader."""
         points = self.points
-        met: Callable[[Array], Incoming] = partial(met_by, light, self.values, points, self.far)
+        met: Callable[[Array], Incoming] = partial(met_by, light, self.values, points, self.far, self._dimming)
         density: Callable[[Incoming], Array] = partial(light_density, light, self.values, points)
         samples = centres
         if self._has_disc(light):

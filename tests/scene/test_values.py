@@ -19,6 +19,7 @@ import raymarch as rm
 from raymarch.errors import SceneError
 from raymarch.expr.vocabulary import sin
 from raymarch.plan import plan
+from raymarch.scene.fog import Atmosphere
 from raymarch.scene.parameter import set_values
 from raymarch.scene.post import PostEffect
 from raymarch.scene.texture import Layout
@@ -52,6 +53,10 @@ VALUES: dict[str, tuple[Callable[[], Value], dict[str, Any]]] = {
     "Sky": (lambda: rm.Sky(lambda d: (d.y, 0.5, 0.5), light=True), {"color": (-1, 0, 0), "light": None}),
     "GradientSky": (lambda: rm.GradientSky(zenith=(0, 0, 1)), {"zenith": "bleu", "ground": (0, 0, NAN)}),
     "SunSky": (lambda: rm.SunSky((1, 1, 0), 5), {"turbidity": 11, "sun_direction": (0, 0, 0)}),
+    "Medium": (
+        lambda: rm.Medium(lambda p: p.x, ((-1, -1, -1), (1, 1, 1)), albedo=(0.5, 1, 1), shadow=True),
+        {"density": -1, "anisotropy": 1.0, "steps": 0, "bounds": 3},
+    ),
     "Fog": (lambda: rm.Fog((1, 1, 1), 0.2), {"density": -1, "color": 5}),
     "ToneMapping": (lambda: rm.ToneMapping("aces", 1.5), {"curve": "film", "exposure": 31, "dither": "yes"}),
     "Bloom": (lambda: rm.Bloom(rm.Param("glow", 0.2, 0, 1)), {"strength": 1.5, "radius": -1}),
@@ -80,7 +85,7 @@ def all_value_classes() -> set[type]:
 
 
 def test_every_value_class_is_tried() -> None:
-    kinds = all_value_classes() - {Part, PostEffect}  # bases without fields
+    kinds = all_value_classes() - {Part, PostEffect, Atmosphere}  # bases without fields
     assert {type(make()) for make, _ in VALUES.values()} | {rm.ImageSky} == kinds
     public = {getattr(rm, name) for name in rm.__all__ if inspect.isclass(getattr(rm, name))}
     assert kinds - public == {Layout}
