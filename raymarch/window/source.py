@@ -206,14 +206,24 @@ class Source:
         made = [node for node in names if not isinstance(node.ctx, ast.Load)]
         if len(names) - len(made) > 1:
             raise Refused(f"{name.id} is read in several places")
+        hidden = any(name.id in _bound(node) for node in ast.walk(self.tree))
         for statement in self.tree.body:
-            if isinstance(statement, ast.Assign) and len(made) == 1 and statement.targets == made:
+            if isinstance(statement, ast.Assign) and not hidden and statement.targets == made:
                 return statement.value
         raise Refused(f"it is computed in line {name.lineno}: {name.id}")
 
 
 def _name(function: ast.expr) -> str:
     return function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
+
+
+def _bound(node: ast.AST) -> tuple[str | None, ...]:
+    """The names that a node sets otherwise than by an assignment: arguments, functions, imports, patterns."""
+    if isinstance(node, ast.arg):
+        return (node.arg,)
+    if isinstance(node, ast.MatchMapping):
+        return (node.rest,)
+    return getattr(node, "name", None), getattr(node, "asname", None)
 
 
 def _keyword(call: ast.Call, name: str) -> ast.expr | None:

@@ -112,6 +112,42 @@ PARAMS: dict[str, tuple[str, dict[str, Any], tuple[str, str] | str]] = {
         RADIUS,
         ("'radius', 1.0", "'radius', 1.25"),
     ),
+    "in a lambda": (
+        'r = lambda: rm.Param("radius", 1.0)\n' + SPHERE.format("r()"),
+        RADIUS,
+        ("1.0", "1.25"),
+    ),
+    "as a default argument": (
+        'def r(p=rm.Param("radius", 1.0)):\n    return p\n' + SPHERE.format("r()"),
+        RADIUS,
+        ("1.0", "1.25"),
+    ),
+    "a default argument of a number": (
+        'def r(v=1.0):\n    return rm.Param("radius", v)\n' + SPHERE.format("r()"),
+        RADIUS,
+        "radius: it is computed in line 3: v",
+    ),
+    "a name that a function hides": (
+        'v = 1.0\ndef r(v):\n    return rm.Param("radius", v)\n' + SPHERE.format("r(1.0)"),
+        RADIUS,
+        "radius: it is computed in line 4: v",
+    ),
+    "a name of a loop": (
+        "for v in (1.0, 1.0):\n    r = rm.Param('radius', v)\n" + SPHERE.format("r"),
+        RADIUS,
+        "radius: it is computed in line 3: v",
+    ),
+    "a loop around a literal": (
+        "for _ in range(2):\n    r = rm.Param('radius', 1.0)\n" + SPHERE.format("r"),
+        RADIUS,
+        ("1.0", "1.25"),
+    ),
+    "a continued line": ('r = \\\n  rm.Param("radius", \\\n  1.0)\n' + SPHERE.format("r"), RADIUS, ("1.0", "1.25")),
+    "in brackets": (SPHERE.format('rm.Param("radius", (1.0))'), RADIUS, ("1.0", "1.25")),
+    "with a plus": (SPHERE.format('rm.Param("radius", +1.0)'), RADIUS, ("+1.0", "1.25")),
+    "with underscores": (SPHERE.format('rm.Param("radius", 1_0.0, 0, 20)'), RADIUS, ("1_0.0", "1.25")),
+    "a choice": (SPHERE.format('rm.Param("radius", 1.0 if True else 2.0)'), RADIUS, "radius: it is computed in line 2"),
+    "assigned inside": (SPHERE.format('rm.Param("radius", (v := 1.0))'), RADIUS, "radius: it is computed in line 2"),
     "from a dictionary": (
         'given = dict(value=1.0)\nscene = rm.Scene(rm.sphere().translate((rm.Param("radius", **given), 0, 0)))\n',
         RADIUS,
