@@ -167,6 +167,7 @@ def refuse_extent(view: DefaultView, origin: NDArray[np.float64], field: Functio
     scene, values, pose, reach = view.scene, view.values, view.pose, view.reach
     if pose is None or scene.node.facts.empty:
         return
+    _refuse_far_box(scene)
     if reach is not None and 1.0 / USUAL <= reach <= USUAL:
         return
     away = _nearest(field, pose.position - origin, values)
@@ -185,6 +186,18 @@ def refuse_extent(view: DefaultView, origin: NDArray[np.float64], field: Functio
         what = f"the scene is {largest:.3g} units large and its nearest surface {away:.3g} away: {lost}"
         legal = "sizes closer to 1, or a camera farther from the large surface"
         raise PlanError(what, legal=legal, where=scene.node.where)
+
+
+def _refuse_far_box(scene: Scene) -> None:
+    """PlanError where float64 does not hold the place of the solids to a hundredth of their size."""
+    subject = scene.subject
+    if subject is None:
+        return
+    corner, size = float(np.max(np.abs([subject.lower, subject.upper]))), float(np.max(subject.size))
+    place = float(np.spacing(corner))
+    if np.isfinite(corner) and place > OFF * size:
+        what = f"solids of size {size:.3g} are {corner:.3g} units from the origin, where numbers are {place:.2g} apart"
+        raise PlanError(what, legal=f"up to {OFF * size / np.finfo(float).eps:.2g} units", where=scene.node.where)
 
 
 @dataclass(frozen=True, slots=True)

@@ -111,5 +111,14 @@ def test_sizes_beyond_float32_are_refused(folder, capsys):
     assert run("render", "a.py", "--size", "32x20") == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("raymarch: a.py:2: the scene is 6.54e+20 units large")
+
+
+def test_solids_whose_place_float64_does_not_hold_are_refused(folder, capsys):
+    """At 1e13 the picture is right; at 1e16 the box would have no width."""
+    for away, code in ((1e13, 0), (1e16, 2)):
+        (folder / "a.py").write_text(HEAD + f"scene = rm.sphere().translate(({away}, 0, 0))\n")
+        assert run("render", "a.py", "--size", "32x20") == code
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("raymarch: a.py:2: solids of size 2 are 1e+16 units from the origin")
     assert "from 1e-15 to 1e+15 units" in line
     assert not (folder / "a.png").exists()
