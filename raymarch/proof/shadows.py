@@ -77,9 +77,10 @@ _WORDS = ((CONTRADICTED, "contradicted"), (OPEN, "open"))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lit:
-    """Proved hits: points, unit normals towards the camera, tolerances, distances along the camera's rays, and the
-    pixels they belong to."""
+    """Proved hits: the camera's rays and the distances along them, points, unit normals towards the camera, tolerances,
+    and the pixels they belong to."""
 
+    rays: Rays
     points: Array
     normals: Array
     within: Array
@@ -87,7 +88,8 @@ class Lit:
     pixels: NDArray[np.int64]
 
     def __getitem__(self, rows: NDArray[np.int64]) -> Lit:
-        return Lit(self.points[rows], self.normals[rows], self.within[rows], self.depth[rows], self.pixels[rows])
+        own = (self.rays, self.points, self.normals, self.within, self.depth, self.pixels)
+        return Lit(*(each[rows] for each in own))  # type: ignore[arg-type]
 
     @classmethod
     def seen(
@@ -101,7 +103,7 @@ class Lit:
         side = np.where(np.sum(gradient * directions, axis=1) > 0.0, -1.0, 1.0)
         size = np.linalg.norm(gradient, axis=1)
         normals = gradient * (side / np.where(size > 0.0, size, 1.0))[:, None]
-        return cls(points, normals, within, depth, pixels)
+        return cls(rays, points, normals, within, depth, pixels)
 
 
 def lit_pixels(
@@ -139,16 +141,19 @@ def shadows_of(
         state = np.full(lit.size, NOT_ASKED, np.uint8)
         same = found[np.flatnonzero(np.abs(depth.ravel()[found.pixels] - found.depth) <= found.within)]
         if len(same.pixels):
-            state[same.pixels] = _verdicts(operands, light, values, far, same, lit.ravel()[same.pixels])
+            drawn = Lit.seen(scene.node, values, same.rays, depth.ravel()[same.pixels], same.within, same.pixels)
+            state[same.pixels] = _verdicts(operands, light, values, far, (same, drawn), lit.ravel()[same.pixels])
         result.append(Shadows(index, type(light).__name__, state.reshape(lit.shape)))
     return tuple(result)
 
 
 def _verdicts(
-    operands: Operands, light: Light, values: Values, far: float, found: Lit, lit: NDArray[np.bool_]
+    operands: Operands, light: Light, values: Values, far: float, hits: tuple[Lit, Lit], lit: NDArray[np.bool_]
 ) -> NDArray[np.uint8]:
+    """hits : those that are proved, and those of the picture of the light. At an edge they may have other normals."""
+    found = hits[0]
     light_at = incoming(light, values, found.points, far)
-    facing = np.sum(found.normals * light_at.direction, axis=1)
+    facing = np.min([np.sum(each.normals * light_at.direction, axis=1) for each in hits], axis=0)
     asked = np.flatnonzero((facing > FACING) & (light_at.radiance.max(axis=1) > 0.0))
     state = np.full(len(lit), NOT_ASKED, np.uint8)
     if not len(asked):

@@ -14,6 +14,7 @@ from raymarch.errors import SceneError
 from raymarch.proof import proof as module
 from raymarch.proof.search import CONTRADICTED, OPEN, PROVED
 from raymarch.proof.shadows import NOT_ASKED, lit_pixels
+from raymarch.scene.parameter import Values
 
 SIZE = (32, 18)
 
@@ -141,3 +142,27 @@ def test_a_pixel_whose_picture_of_the_light_has_another_hit_is_not_asked(monkeyp
     (found,) = rm.prove(scene(), size=SIZE, shadows=True).shadows
     assert found.count(CONTRADICTED) == 0 and found.count(PROVED) > 100
     assert np.all(found.state[::2] == NOT_ASKED)
+
+
+def test_a_hit_on_the_far_side_of_an_edge_is_dark_without_a_blocker(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Within the tolerance of the proved hit the other face is drawn, which faces away from the light."""
+    box = rm.box((1.0, 1.0, 1.0)).rotate(0.7, "y")
+    above = rm.Scene(box, rm.Camera((2, 0.5, 4), (0, 0, 0)), [rm.Sun((1.0, 0.5, 0.3), shadow=True)])
+    moved = []
+
+    def over_the_edge(given: rm.Scene, light: Any, size: tuple[int, int], *more: Any) -> Any:
+        lit, depth = lit_pixels(given, light, size, *more)
+        seen = rm.truth(above, size)
+        deeper = depth + 1.8 * above.pose(Values({}, 0.0), size[0] / size[1]).pixel(size[1]) * depth
+        hit = np.isfinite(depth)
+        points = seen.origin[hit] + deeper[hit][:, None] * seen.direction[hit]
+        away = np.zeros_like(lit)
+        normals = box.gradient(points)
+        towards = np.sum(normals * seen.direction[hit], axis=1) < 0.0
+        away[hit] = towards & (normals @ np.array([1.0, 0.5, 0.3]) < 0.0)
+        moved.append(int((away & lit).sum()))
+        return np.where(away, False, lit), np.where(away, deeper, depth)
+
+    monkeypatch.setattr(module, "lit_pixels", over_the_edge)
+    (found,) = rm.prove(above, size=(48, 36), tolerance="2px", shadows=True).shadows
+    assert moved[0] > 2 and found.count(CONTRADICTED) == 0 and found.asked > 10
