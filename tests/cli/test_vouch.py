@@ -118,7 +118,7 @@ def test_solids_whose_place_float64_does_not_hold_are_refused(folder, capsys):
     for away, code in ((1e13, 0), (1e16, 2)):
         (folder / "a.py").write_text(HEAD + f"scene = rm.sphere().translate(({away}, 0, 0))\n")
         assert run("render", "a.py", "--size", "32x20") == code
-    (line,) = capsys.readouterr().err.splitlines()
+    *_, line = capsys.readouterr().err.splitlines()
     assert line.startswith("raymarch: a.py:2: solids of size 2 are 1e+16 units from the origin")
     assert "from 1e-15 to 1e+15 units" in line
     assert not (folder / "a.png").exists()
