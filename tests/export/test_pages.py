@@ -228,6 +228,19 @@ class TestInABrowser:
         share, spent = browser.run(code.replace("BASE", str(base)))
         assert share > 0.2 and 1.5 * base < spent < 2.3 * base
 
+    @pytest.mark.parametrize("odd", [0, 1, 2, 3, 5])
+    @pytest.mark.parametrize("took", [1, 300])
+    def test_one_frame_of_another_time_does_not_keep_a_picture_small(
+        self, took: float, odd: int, browser: chromium.Browser, tmp_path: Path
+    ) -> None:
+        """The two parts of the time are learned again where the picture stays small."""
+        browser.open(page(CASES["framed"], tmp_path)[0])
+        code = """(() => { const pace = new raymarch.Pace(), all = 1280 * 720; let share, time = 0;
+            for (let i = 0; time < 3000; i++) { share = pace.next(all);
+                const spent = i === ODD ? TOOK : 35 + 120 * share ** 2; time += spent;
+                pace.drawn(spent, all * share ** 2); } return pace.share; })()"""
+        assert browser.run(code.replace("ODD", str(odd)).replace("TOOK", str(took))) > 0.4
+
     def test_the_address_keeps_the_state(self, browser: chromium.Browser, tmp_path: Path) -> None:
         """A link shows what was seen; one that was cut, or of another page, shows the start."""
         file = page(CASES["parameters"], tmp_path)[0]
