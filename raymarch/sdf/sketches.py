@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
+from raymarch.expr.calls import checked
 from raymarch.expr.convert import holdable, numbers, short, switch
 from raymarch.expr.peers import unknown_attribute
 from raymarch.sdf.biarcs import as_arcs, through
@@ -367,6 +368,7 @@ class Sketch:
         return closed_outline([row for loop in loops for row in loop])
 
 
+@checked
 def sketch(start: Any = (0.0, 0.0)) -> Sketch:
     """Draw a flat shape piece by piece, as in CAD: lines, arcs and splines, with fillets, chamfers and holes.
 
