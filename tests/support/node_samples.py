@@ -332,7 +332,7 @@ SPECIAL: dict[str, dict[str, Callable[[], Node]]] = {
         ),
         "table": lambda: (
             sketch((0.8, 0.0))
-            .spline_to([(0.3, 0.5), (-0.5, 0.7), (-0.7, -0.3), (0.1, -0.6), (0.8, 0.0)], tolerance=1e-6)
+            .spline_to([(0.3, 0.5), (-0.5, 0.7), (-0.7, -0.3), (0.1, -0.6), (0.8, 0.0)], tolerance=1e-4)
             .close()
         ),
     },
