@@ -2,7 +2,8 @@
 
 Points of the surface are found by Newton's method. From each, rays go along the normal to what faces it, through the
 solid, to the light and away from it to the surface that the shadow falls on. So the width of a gap, or of a rod, is
-compared with the radius of the light's disc there.
+compared with the radius of the light's disc there. A solid is a rod too if lines to the light pass it on both sides of
+such a point, close by.
 """
 
 from __future__ import annotations
@@ -35,6 +36,13 @@ MOST = 400
 
 ENOUGH = 4
 """Number of such points from which on a penumbra is doubted."""
+
+SHARE = 0.3
+"""The part of the points at the border of a shadow from which on what they find is doubted."""
+
+OUTER, INNER = 0.25, 1.0
+"""Parts of the disc's radius. A point is near the border of a shadow, and its solid is a rod, where nothing is on the
+lines to the light so far outside and inside of it."""
 
 CURE = "penumbra='sampled'"
 
@@ -116,16 +124,39 @@ class _Widths:
         start = np.where(np.isfinite(through), through, 0.0) + 2e-3 * self._size
         behind = start + self._free(beside - start[:, None] * to_light, -to_light, 1.0, 1e4)
         radius = wide * (behind / (behind + far) if light.has_position else behind)
-        facing = np.abs((self._normals * to_light).sum(axis=1))
-        seen = (facing < 0.85) & np.isfinite(radius) & (self.thickness > 0.0)
+        cosine = (self._normals * to_light).sum(axis=1)
+        seen = (np.abs(cosine) < 0.85) & np.isfinite(radius) & (self.thickness > 0.0)
         closed = self.gap < 2.5 * radius
-        passed = np.isinf(self._free(beside, to_light, 1.0))
+        aside = self._normals - cosine[:, None] * to_light
+        aside /= np.maximum(np.linalg.norm(aside, axis=1), 1e-9)[:, None]
         within = self._points + (self.gap + 0.2 * radius).clip(0, 1e9)[:, None] * self._normals
         wall = in_blocks(self._field, within, ()) < 0.0
-        gaps = seen & closed & passed & wall & (self.thickness > 0.3 * radius)
-        sides = seen & (facing < 0.35) & ~closed
-        rods = sides & (self.thickness < 0.7 * radius)
-        return int(gaps.sum()), int(rods.sum()) if rods.sum() > 0.3 * sides.sum() else 0
+        gaps = np.flatnonzero(seen & closed & wall & (self.thickness > 0.3 * radius))
+        angle = wide / far if light.has_position else np.full(len(far), wide)
+        gaps = gaps[self._passed(beside[gaps], to_light[gaps], aside[gaps], angle[gaps])]
+        others = seen & ~closed
+        sides = others & (np.abs(cosine) < 0.35)
+        thin = sides & (self.thickness < 0.7 * radius)
+        k = np.flatnonzero(others)
+        outer, inner = (
+            self._beside(self._points[k] + side * radius[k, None] * aside[k], to_light[k], 0.5 * behind[k])
+            for side in (OUTER, -INNER)
+        )
+        counts = (int(thin.sum()), int(sides.sum())), (int((outer & inner).sum()), int(outer.sum()))
+        return len(gaps), max(found if found > SHARE * of else 0 for found, of in counts)
+
+    def _passed(self, start: Array, to_light: Array, aside: Array, angle: Array) -> NDArray[np.bool_]:
+        """Whether a ray to the middle or the border of the disc leaves the scene; `aside` is across a gap."""
+        ways = (to_light + side * angle[:, None] * aside for side in (0.0, 0.8, -0.8))
+        return np.any([np.isinf(self._free(start, _unit(way), 1.0)) for way in ways], axis=0)
+
+    def _beside(self, start: Array, to_light: Array, behind: Array) -> NDArray[np.bool_]:
+        """Whether nothing is on a line: from points to the light, and so far behind them."""
+        return np.isinf(self._free(start, to_light, 1.0)) & (self._free(start, -to_light, 1.0, 1e4) > behind)
+
+
+def _unit(way: Array) -> Array:
+    return np.asarray(way / np.linalg.norm(way, axis=1)[:, None])
 
 
 def _now(value: Any) -> Array:

@@ -171,6 +171,7 @@ def main(arguments: list[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     rng = np.random.default_rng(given.seed)
     errors: dict[tuple[str, str], list[Array]] = defaultdict(list)
+    silent: dict[str, list[Array]] = defaultdict(list)
     costs: dict[str, list[tuple[float, float]]] = defaultdict(list)
     with Renderer(SIZE) as renderer:
         for index in range(given.pairs):
@@ -181,8 +182,11 @@ def main(arguments: list[str] | None = None) -> int:
             lit, judged = wanted == 1.0, part | (np.roll(part, 3, 0) | np.roll(part, -3, 0))
             for method in given.methods:
                 scene = pair.scene(method, tracer=given.tracer)
-                share = renderer.render(scene).color[..., 0] / free
-                errors[method, pair.kind].append((share - wanted)[judged])
+                frame = renderer.render(scene)
+                error = (frame.color[..., 0] / free - wanted)[judged]
+                errors[method, pair.kind].append(error)
+                if len(error) and not any("penumbra" in doubt for doubt in frame.doubts()):
+                    silent[method].append(np.abs(error))
                 bare = pair.scene(method, shadow=False, tracer=given.tracer)
                 asked = evaluation_counts(scene, renderer) - evaluation_counts(bare, renderer)
                 points = 64 if method == "sampled" else 1
@@ -197,8 +201,10 @@ def main(arguments: list[str] | None = None) -> int:
         cost = np.mean(costs[method], axis=0)
         print(
             f"{method:12} {every.mean():.3f} {np.quantile(every, 0.99):.3f} {every.max():.3f}  "
-            f"above .05 {np.mean(every > 0.05):.1%}  evaluations "
-            f"{cost[0]:.1f}, lit {cost[1]:.1f}"
+            f"above .05 {np.mean(every > 0.05):.1%}, "
+            f"without a doubt {sum(np.sum(e > 0.05) for e in silent[method]) / len(every):.1%}, "
+            f"of one scene {max((np.mean(e > 0.05) for e in silent[method]), default=0.0):.0%}  "
+            f"evaluations {cost[0]:.1f}, lit {cost[1]:.1f}"
         )
         print(
             "    "
