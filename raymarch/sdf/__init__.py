@@ -24,6 +24,7 @@ from raymarch.sdf.folds import *
 from raymarch.sdf.fractals import *
 from raymarch.sdf.heights import *
 from raymarch.sdf.heights import displace_by_image
+from raymarch.sdf.hulls import *
 from raymarch.sdf.implicit import *
 from raymarch.sdf.instancing import *
 from raymarch.sdf.joints import *

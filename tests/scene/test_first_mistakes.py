@@ -34,7 +34,7 @@ class Tensor:
         (lambda: f"{COUNT:.2f}", "no digits to format"),
         (lambda: BALL.distance(MASKED), "3 masked values"),
         (lambda: rm.box(MASKED[1]), "box: size"),
-        (lambda: BALL.hull, "there is no convex hull"),
+        (lambda: BALL.hull, "hull\\(points\\)"),
     ],
 )
 def test_it_is_refused_with_the_cure(wrong: Callable[[], Any], words: str) -> None:
