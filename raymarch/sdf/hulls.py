@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
+from raymarch.expr.calls import checked
 from raymarch.expr.convert import holdable, numbers, short
 from raymarch.sdf.booleans import intersection
 from raymarch.sdf.flat import polygon
@@ -23,6 +24,7 @@ MOST_POINTS = 100
 """Of a hull in space: the planes through all triples of points are tried."""
 
 
+@checked
 def hull(points: Any) -> Node:
     """The convex hull of points: the smallest convex shape that holds them.
 

@@ -397,14 +397,14 @@ class Node:
         """
         return self._call("transition", other, start, end)
 
-    def extrude(self, height: Scalar = 1.0, scale: Scalar = 1.0, twist: Scalar = 0.0) -> Node:
+    def extrude(self, height: Scalar = 1.0, scale: Scalar = 1.0, twist: Scalar = 0.0, draft: Scalar = 0.0) -> Node:
         """Extrude a flat shape along z, centred.
 
         Parameters
         ----------
         height : full extent along z, a length > 0.
         scale : factor of the upper end, >= 0.01; the section grows evenly from the lower end, which is not scaled.
-        twist : angle in radians by which the upper end is turned from x towards y, evenly from the lower end.
+        twist, draft : angles in radians by which the upper end is turned from x towards y, and the sides lean inwards.
 
         Returns
         -------
@@ -416,14 +416,14 @@ class Node:
 
         Notes
         -----
-        Exact for an exact shape without scale and twist, else a bound.
+        Exact for an exact shape without scale, twist and draft, else a bound.
 
         Examples
         --------
         >>> rm.circle(1).extrude(3).bounds[1]
         array([1. , 1. , 1.5])
         """
-        return self._call("extrude", height, scale, twist)
+        return self._call("extrude", height, scale, twist, draft)
 
     def revolve(self, offset: Scalar = 0.0, angle: Scalar = 2.0 * np.pi) -> Node:
         """Revolve a flat shape about the y axis, after moving it along +x.

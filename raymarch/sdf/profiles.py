@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from raymarch.expr.convert import choice, short
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.types import FLOAT
-from raymarch.expr.vocabulary import clamp, cos, length, max, min, sin, sqrt, square, vec2, vec3, where
+from raymarch.expr.vocabulary import abs, clamp, cos, length, max, min, sin, sqrt, square, vec2, vec3, where
 from raymarch.sdf.booleans import hull, intersection, union, widest
 from raymarch.sdf.definition import Child, ChildFacts, around_y, combination, definition_of, operator
 from raymarch.sdf.deform import taper
@@ -62,8 +62,40 @@ def straight_extrusion(p: Expr, child: Child, height: Positive = 1.0) -> Expr:
     return _prism(child(p.xy), p.z, height)
 
 
+STEEPEST_DRAFT = 1.4
+Draft = Annotated[Any, Domain(FLOAT, low=-STEEPEST_DRAFT, high=STEEPEST_DRAFT, unit="radians")]
+
+
+def _drafted_bounds(child: ChildFacts, height: Any, draft: Any) -> tuple[Expr, Expr]:
+    return _prism_bounds(*child.grown(max(-sin(draft) / cos(draft), 0.0) * height), height)
+
+
+@operator(
+    bounds=_drafted_bounds,
+    lipschitz=1.0,
+    symmetry=lambda child: child.symmetry,
+    spread=lambda child, height, draft: math.sqrt(2.0) * child.spread / cos(draft),
+    convex=lambda child: child.convex and child.exactness == "exact",
+    child_dimension=2,
+    placing="offset",
+    called="extrude",
+)
+def drafted_extrusion(p: Expr, child: Child, height: Positive = 1.0, draft: Draft = 0.1) -> Expr:
+    """Extrude a flat shape along z with sides that lean.
+
+    height : full extent along z, > 0. draft : angle of the sides to the z axis, in radians; above 0 the upper end is
+        smaller.
+
+    A bound for an exact shape: the section at a height is the shape moved inwards by the way along the leaning side,
+    and the distance to a leaning plane is the cosine of the angle times that across.
+    """
+    lean = max(sin(draft) * (p.z + 0.5 * height), min(sin(draft) * height, 0.0))  # none beyond the ends
+    section = cos(draft) * child(p.xy) + lean
+    return max(section, abs(p.z) - 0.5 * height)
+
+
 @method
-def extrude(node: Node, height: Scalar = 1.0, scale: Scalar = 1.0, twist: Scalar = 0.0) -> Node:
+def extrude(node: Node, height: Scalar = 1.0, scale: Scalar = 1.0, twist: Scalar = 0.0, draft: Scalar = 0.0) -> Node:
     """Extrude a flat shape along z, half of the height on either side of the xy plane.
 
     Parameters
@@ -71,6 +103,9 @@ def extrude(node: Node, height: Scalar = 1.0, scale: Scalar = 1.0, twist: Scalar
     height : full extent along z, > 0.
     scale : factor of the upper end, >= 0.01; the section grows evenly from the lower end, which is the shape itself.
     twist : angle in radians by which the upper end is turned from x towards y, evenly from the lower end.
+    draft : angle in radians, -1.4 to 1.4, by which the sides lean inwards from the lower end upwards, as the taper of
+        CAD programs. Above 0 corners stay sharp; below 0 convex corners of the shape become round cones. Not beside
+        `scale` or `twist`.
 
     Returns
     -------
@@ -82,13 +117,19 @@ def extrude(node: Node, height: Scalar = 1.0, scale: Scalar = 1.0, twist: Scalar
 
     Notes
     -----
-    Exact for an exact shape without scale and twist. With them a bound: see `taper` and `twist`.
+    Exact for an exact shape without scale, twist and draft. With them a bound: see `taper` and `twist`. Draft moves the
+    outline of an exact shape by height * tan(draft) at the upper end.
     """
     made = straight_extrusion(node, height)
+    lean = Domain(FLOAT, low=-STEEPEST_DRAFT, high=STEEPEST_DRAFT, unit="radians").accept("extrude", "draft", draft)
     factor = Domain(FLOAT, low=0.01).accept("extrude", "scale", scale)
     angle = Domain(FLOAT, unit="radians").accept("extrude", "twist", twist)
     grows = not (factor.is_constant and factor.data == 1.0)
     turns = not (angle.is_constant and angle.data == 0.0)
+    if not (lean.is_constant and lean.data == 0.0):
+        if grows or turns:
+            raise SceneError("extrude: draft beside scale or twist", legal="one of them; scale=, for sides that meet")
+        return drafted_extrusion(node, height, lean)
     if not (grows or turns):
         return made
     middle = 0.5 * (1.0 + factor)

@@ -160,6 +160,7 @@ class Call:
 
 NEEDED: dict[str, dict[str, Any]] = {
     "Scene": {"node": rm.box(1)},
+    "hull": {"points": [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]},
     "Medium": {"density": 1.0, "bounds": ((-1, -1, -1), (1, 1, 1))},
     "DirectionSample": {"direction": (0, 1, 0), "distance": 1.0, "radiance": (1, 1, 1)},
     "Light": {"color": (1, 1, 1), "intensity": 1.0, "shadow": False, "softness": 0.0, "penumbra": "cone"},
