@@ -24,6 +24,9 @@ CHOICES: Mapping[str, tuple[str, ...]] = {
     **VIEWS,
     "error": ("depth",),
     "all_evaluations": ("color",),
+    "shadow_evaluations": ("color",),
+    "occlusion_evaluations": ("color",),
+    "bounce_evaluations": ("color",),
     "nonfinite": ("color",),
     "lipschitz": ("color",),
 }
@@ -44,8 +47,8 @@ def shown(
         return _probed(renderer, view, scene, frame.time, params, progress)
     if view == "error":
         return _compared(frame, scene, params)
-    if view == "all_evaluations":
-        return _counted(renderer, scene, frame.time, params)
+    if view.endswith("_evaluations"):
+        return _counted(renderer, view.partition("_")[0], scene, frame.time, params)
     return view_of(frame, view, scene)
 
 
@@ -82,13 +85,15 @@ def _compared(frame: Frame, scene: Scene, params: Mapping[str, Any]) -> Shown:
     return Shown(image, numbers)
 
 
-def _counted(renderer: Renderer, scene: Scene, time: float, params: Mapping[str, Any]) -> Shown:
-    from raymarch.cost.effects import evaluation_counts  # only this view counts in a shader of its own
+def _counted(renderer: Renderer, kind: str, scene: Scene, time: float, params: Mapping[str, Any]) -> Shown:
+    from raymarch.cost import effects  # only these views count in a shader of their own
 
-    counts = evaluation_counts(scene, renderer, time, params)
+    given = (scene, renderer, time, params)
+    counts = effects.evaluation_counts(*given) if kind == "all" else effects.evaluations_by(kind, *given)
+    what = {"all": "by all rays", "bounce": "after the first hit"}.get(kind, f"by {kind} rays")
 
     def image() -> Image.Image:
-        scale = count_scale("evaluations by all rays of a pixel")(counts)
+        scale = count_scale(f"evaluations of a pixel {what}")(counts)
         return with_bar(Image.fromarray(np.asarray(np.rint(255 * scale.colored(counts)), np.uint8)), scale)
 
     def numbers() -> NDArray[np.float32]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import product
 from time import process_time
@@ -216,6 +216,27 @@ def evaluation_counts(
     with Renderer(renderer.size, context=renderer.context) as own:
         own.adopt(plain, counting, ("color",))
         return np.ascontiguousarray(own.render(plain, time, params, ("color",)).array("color")[..., 0])
+
+
+def _unshadowed(scene: Scene) -> Scene:
+    return scene.replace(lights=[x.replace(shadow=False) if x.shadow else x for x in scene.lights])
+
+
+SENT: Mapping[str, Callable[[Scene], Scene]] = {
+    "shadow": _unshadowed,
+    "occlusion": lambda scene: scene.replace(occlusion=None),
+    "bounce": lambda scene: scene.replace(bounces=0),
+}
+"""Kinds of rays and samples beside those of the camera, with the scene that sends none of them."""
+
+
+def evaluations_by(
+    kind: str, scene: Scene, renderer: Any, time: float = 0.0, params: Mapping[str, Any] | None = None
+) -> NDArray[np.float32]:
+    """Those of `evaluation_counts` that the scene without a kind of `SENT` does not have, (H, W). Bounces have shadows
+    of their own."""
+    every, rest = (evaluation_counts(s, renderer, time, params) for s in (scene, SENT[kind](scene)))
+    return every - rest
 
 
 COUNTED = (

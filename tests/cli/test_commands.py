@@ -55,11 +55,15 @@ def test_the_ending_chooses_the_format(folder, ending, kind):
 
 VIEWED = HELLO + "scene = rm.Scene(scene, quality=rm.Quality(tracer='bracketing'))\n"
 """By a tracer that undoes steps, and has errors of more than a ten-thousandth of a pixel."""
+LIT = """scene = scene.replace(
+    lights=[rm.Sun(shadow=True)], occlusion=rm.AmbientOcclusion(), sky=rm.Sky(light=True), bounces=1
+)
+"""
 
 
 @pytest.mark.parametrize("view", [name for name in CHOICES if name != "cycles"])
 def test_every_view(folder, view):
-    (folder / "viewed.py").write_text(VIEWED)
+    (folder / "viewed.py").write_text(VIEWED + LIT * view.endswith("_evaluations"))
     assert run("render", "viewed.py", "-o", "a.png", "--view", view, "--size", "48x32") == 0
     with Image.open("a.png") as picture:
         assert picture.width == 48
@@ -101,6 +105,30 @@ def test_the_evaluations_of_all_rays_are_those_of_the_command_cost():
         numbers = shown(renderer, renderer.render(scene), "all_evaluations", scene, {}).numbers()
         assert numbers.shape == (16, 24, 3) and np.ptp(numbers, axis=-1).max() == 0.0
         assert numbers.mean() == pytest.approx(evaluations_of(scene, renderer), rel=1e-6)
+
+
+def test_the_evaluations_of_each_kind_add_up():
+    """Nothing is counted twice; occlusion takes its samples at each hit."""
+    scene = rm.Scene(
+        rm.torus(1, 0.3) | rm.plane(offset=-1),
+        lights=[rm.Sun(shadow=True), rm.PointLight((0, 3, 0), shadow=True)],
+        occlusion=rm.AmbientOcclusion(steps=4),
+    )
+    with Renderer((24, 16)) as renderer:
+
+        def counted(of: rm.Scene, view: str) -> np.ndarray:
+            return shown(renderer, renderer.render(of), view, of, {}).numbers()[..., 0]
+
+        kinds = {kind: counted(scene, f"{kind}_evaluations") for kind in ("all", "shadow", "occlusion", "bounce")}
+        bare = scene.replace(lights=[rm.Sun()], occlusion=None)
+        assert np.all(kinds["occlusion"] == 4.0)
+        assert np.all(kinds["shadow"] >= 0.0) and kinds["shadow"].mean() > 1.0
+        assert np.all(kinds["bounce"] == 0.0)
+        np.testing.assert_array_equal(
+            kinds["shadow"] + kinds["occlusion"] + counted(bare, "all_evaluations"), kinds["all"]
+        )
+        mirror = scene.replace(node=scene.node.material(rm.Material(metalness=1, roughness=0)), bounces=1)
+        assert counted(mirror, "bounce_evaluations").mean() > 1.0
 
 
 @pytest.mark.parametrize(
