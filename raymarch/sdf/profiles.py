@@ -77,7 +77,6 @@ def _drafted_bounds(child: ChildFacts, height: Any, draft: Any) -> tuple[Expr, E
     spread=lambda child, height, draft: math.sqrt(2.0) * child.spread / cos(draft),
     convex=lambda child: child.convex and child.exactness == "exact",
     child_dimension=2,
-    placing="offset",
     called="extrude",
 )
 def drafted_extrusion(p: Expr, child: Child, height: Positive = 1.0, draft: Draft = 0.1) -> Expr:
