@@ -44,7 +44,10 @@ def affine(p: Expr, child: Child, linear: Matrix3, inverse: Matrix3, offset: Vec
 
 
 def _is_rigid(linear: Expr, tolerance: float = 8 * np.finfo(np.float64).eps) -> bool:
-    """A rotation or reflection times one factor: all singular values agree to rounding."""
+    """A rotation or reflection times one factor: all singular values agree to rounding. False where the matrix is not
+    known, as in a form that many objects share."""
+    if not linear.is_constant:
+        return False
     values = np.linalg.svd(linear.data, compute_uv=False)
     return bool(values[0] - values[-1] <= tolerance * values[0])
 

@@ -6,6 +6,7 @@ import pytest
 import raymarch as rm
 from raymarch.errors import SceneError
 from raymarch.expr.vocabulary import length, vec3
+from raymarch.plan import plan
 from raymarch.sdf.definition import cube
 from raymarch.sdf.domain import Positive
 
@@ -229,3 +230,22 @@ def test_solids_of_unknown_spread_are_no_rows(renderer, k):
 
 def at(node, points):
     return rm.union(*[node.translate(tuple(point)) for point in points])
+
+
+@pytest.mark.parametrize("uneven", [False, True])
+def test_objects_with_matrices_of_their_own_become_rows(uneven: bool) -> None:
+    """Turned and scaled by one factor, or unevenly; by their proof."""
+    random = np.random.default_rng(1)
+    placed = []
+    for _ in range(70):
+        matrix = np.eye(4)
+        turned, _ = np.linalg.qr(random.normal(size=(3, 3)))
+        matrix[:3, :3] = turned * (random.uniform(0.2, 0.4, 3) if uneven else 0.3)
+        matrix[3, :3] = random.uniform(-3, 3, 3)
+        placed.append(rm.torus(1, 0.3).transform(matrix))
+    scene = rm.Scene(rm.union(*placed), rm.Camera((0, 0, 12), (0, 0, 0)))
+    assert plan(scene).gathered.rows
+    with rm.Renderer((48, 27)) as renderer:
+        frame = renderer.render(scene, outputs=("depth",))
+    assert np.isfinite(frame.depth).sum() > 80
+    assert rm.prove(scene, frame).share == 1.0
