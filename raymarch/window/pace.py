@@ -27,7 +27,20 @@ RECOVERY = 0.15
 """Weight by which the estimate follows cheaper frames. More expensive frames count fully."""
 
 BELIEVED = 2.0
-"""Maximum factor by which one frame raises the estimate, so that one delayed frame does not affect the next fifty."""
+"""A frame that takes more than this many times as long as expected, or as short, counts only if the next one does too:
+one frame that had to wait does not affect those after it."""
+
+CLOSE = 0.1
+"""Part of the budget by which each frame may miss what was expected: times of fast devices are uneven."""
+
+SMALL = 2.0**-1.5
+"""Scale of a picture up to which a larger one is tried, to learn how the time grows with size."""
+
+PATIENCE = 4
+"""Number of pictures over the budget before the second such try. Each later try waits twice as long as the last one."""
+
+SURE = 2
+"""Number of moving pictures whose times count more than that of a still one."""
 
 SEARCHED = 60
 """Number of smaller sizes to try if an edge is a power of two, in steps of 1/200."""
@@ -55,61 +68,91 @@ class Pace:
     _per_pixel: float | None = None
     _step: int = field(default=LAST_STEP)
     _last: tuple[float, int] | None = None
-    _compared: bool = False
+    _count: int = 0
+    _since: int = 0
+    _patience: int = 0
+    _odd: bool = False
 
     def scale(self, size: tuple[int, int]) -> float:
         """The scale of width and height to draw now, from `SMALLEST` to 1."""
         if self._per_pixel is None:
             return SMALLEST
         available = max(self.budget * HEADROOM - self.fixed, self.budget * 0.1, 2.0 * self._base)
-        pixels = size[0] * size[1]
-        step = self._step
-        if not self._compared and step == LAST_STEP and self._cost(step, pixels) > available:
-            return _share(step - STEPS_PER_HALVING // 2)  # how much slower twice the pixels are
+        pixels, step = size[0] * size[1], self._step
         if self._cost(step, pixels) > available / HEADROOM:
             while step < LAST_STEP and self._cost(step, pixels) > available:
                 step += 1
         while step > 0 and self._cost(step - 1, pixels) <= available:
             step -= 1
         self._step = step
-        return _share(step)
+        return _share(step - STEPS_PER_HALVING // 2 if self._wanting(step, pixels, available) else step)
+
+    def _wanting(self, step: int, pixels: int, available: float) -> bool:
+        """True if a larger picture should tell how the time grows with size: none has yet, or also the smallest is over
+        the budget, and pictures of this size are drawn."""
+        if self._last is None or self._last[1] > APART * pixels * _share(step) ** 2 or self._since < self._patience:
+            return False
+        cost = self._cost(step, pixels)
+        unknown = self._patience == 0 and self._small
+        return (unknown or cost > available / HEADROOM) and cost <= SLOW * self.budget
 
     def drawn(self, milliseconds: float, pixels: int) -> None:
         """Update the estimate from a picture of so many pixels."""
-        if not math.isfinite(milliseconds) or milliseconds < 0:
+        pixels = max(pixels, 1)
+        if not math.isfinite(milliseconds) or milliseconds < 0 or not self._believed(milliseconds, pixels):
             return
-        pixels, known = max(pixels, 1), self._per_pixel
-        if known is not None:
-            milliseconds = min(milliseconds, BELIEVED * (self._base + known * pixels))
-        self._compare(milliseconds, pixels)
-        cost = max(milliseconds - self._base, 0.02 * milliseconds) / pixels
-        self._per_pixel = cost if known is None or cost > known else known + RECOVERY * (cost - known)
+        self._count, self._since = self._count + 1, self._since + 1
+        learned = self._compare(milliseconds, pixels)
+        cost, known = max(milliseconds - self._base, 0.02 * milliseconds) / pixels, self._per_pixel
+        cheaper = known is not None and cost < known and not learned
+        self._per_pixel = known + RECOVERY * (cost - known) if known is not None and cheaper else cost
 
-    def _compare(self, milliseconds: float, pixels: int) -> None:
-        """Learn the part of the time that all sizes take, if the last picture had another size."""
+    def _believed(self, milliseconds: float, pixels: int) -> bool:
+        """False for one frame of an odd time. The second one in succession begins the estimate anew."""
+        if self._per_pixel is None:
+            return True
+        expected = self._base + self._per_pixel * pixels
+        near = expected / BELIEVED <= milliseconds <= BELIEVED * expected
+        self._odd, odd = not (near or abs(milliseconds - expected) <= CLOSE * self.budget), self._odd
+        if self._odd and odd:
+            self.restart()
+            return True
+        return not self._odd
+
+    def _compare(self, milliseconds: float, pixels: int) -> bool:
+        """Learn the part of the time that all sizes take, if the last picture had another size. Returns True if what
+        was known of it is replaced: at first, and where the picture is small, maybe because that was wrong."""
         before, other = self._last or (milliseconds, pixels)
         if max(pixels, other) <= APART * min(pixels, other):
             self._last = before + RECOVERY * (milliseconds - before), pixels
-            return
+            return False
         base = min(max((milliseconds * other - before * pixels) / (other - pixels), 0.0), milliseconds, before)
-        weight = 0.5 if self._compared else 1.0
-        self._base, self._last = self._base + weight * (base - self._base), (milliseconds, pixels)
-        if not self._compared:
-            self._compared, self._per_pixel = True, None
-            self._per_pixel = max(milliseconds - self._base, 0.02 * milliseconds) / pixels
+        replaced = self._patience == 0 or self._small
+        self._base += (1.0 if replaced else 0.5) * (base - self._base)
+        self._last, self._since = (milliseconds, pixels), 0
+        self._patience = max(PATIENCE, 2 * self._patience if self._small else 0)
+        return replaced
 
     def restart(self) -> None:
         """Another program is drawn: what was learned of the times of the last one is forgotten."""
-        self._base, self._per_pixel, self._last, self._compared, self._step = 0.0, None, None, False, LAST_STEP
+        self._base, self._per_pixel, self._last, self._step = 0.0, None, None, LAST_STEP
+        self._count = self._since = self._patience = 0
+        self._odd = False
 
     def slow(self, size: tuple[int, int]) -> bool:
         """True if also the smallest picture of a size takes much longer than the budget."""
         return self._per_pixel is not None and self._cost(LAST_STEP, size[0] * size[1]) > SLOW * self.budget
 
     def guess(self, milliseconds: float, pixels: int) -> None:
-        """Estimate the cost of a moving picture from a still one, if no moving one was drawn yet."""
-        if self._per_pixel is None:
+        """Estimate the cost of a moving picture from a still one, unless enough moving ones were drawn."""
+        if self._count < SURE:
+            self.restart()
             self.drawn(milliseconds, pixels)
+            self._count = 0
+
+    @property
+    def _small(self) -> bool:
+        return _share(self._step) <= SMALL
 
     def other(self, milliseconds: float) -> None:
         """Update the fixed cost: the time of a frame without drawing the scene."""

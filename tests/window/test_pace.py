@@ -114,6 +114,8 @@ def test_a_still_picture_tells_what_a_moving_one_costs() -> None:
     pace.guess(1500.0, SIZE[0] * SIZE[1])
     width, height = scaled(SIZE, pace.scale(SIZE))
     assert 1500.0 * width * height / (SIZE[0] * SIZE[1]) <= 33.0
+    for _ in range(2):
+        pace.drawn(1500.0 * width * height / (SIZE[0] * SIZE[1]), width * height)
     before = pace.scale(SIZE)
     pace.guess(1.0, SIZE[0] * SIZE[1])  # what moving pictures have cost is known better
     assert pace.scale(SIZE) == before
@@ -160,3 +162,39 @@ def test_a_slow_picture_is_known_as_slow() -> None:
         assert pace.slow(SIZE) == slow
         pace.restart()
         assert not pace.slow(SIZE) and pace.scale(SIZE) == SMALLEST
+
+
+@pytest.mark.parametrize("odd", [-1, 0, 1, 2, 3, 5])
+@pytest.mark.parametrize("took", [1.0, 300.0])
+def test_one_frame_of_another_time_does_not_keep_a_picture_small(took: float, odd: int) -> None:
+    """Whatever part of the time all sizes take: within a second the picture is as large as the budget, or twice that
+    part, allows, up to one step and a half of the ladder. The odd frame -1 is none."""
+    for base, full in ((0.0, 60.0), (10.0, 60.0), (20.0, 100.0), (35.0, 120.0), (60.0, 400.0)):
+        pace, spent, count, share = Pace(33.0), 0.0, 0, 0.0
+        while spent < 1300.0:
+            share = pace.scale(SIZE)
+            pixels = scaled(SIZE, share)[0] * scaled(SIZE, share)[1]
+            last = took if count == odd else base + full * pixels / (SIZE[0] * SIZE[1])
+            spent, count = spent + last, count + 1
+            pace.drawn(last, pixels)
+        allowed = (max(0.8 * 33.0, 2 * base) - base) / full
+        assert share >= 2**-0.375 * min(1.0, allowed**0.5), (base, full)
+
+
+def test_a_still_picture_corrects_one_slow_frame() -> None:
+    """The first moving picture had to wait: it moves as a preview only until a still one was drawn."""
+    pace = Pace(33.0)
+    pace.drawn(300.0, 3600)
+    assert pace.slow(SIZE)
+    pace.guess(60.0, SIZE[0] * SIZE[1])
+    assert not pace.slow(SIZE) and pace.scale(SIZE) > 0.5
+
+
+def test_a_noisy_fast_device_draws_whole_pictures() -> None:
+    random = np.random.default_rng(2)
+    pace = Pace(33.0)
+    times = random.uniform(0.2, 2.0, 200)
+    pace.drawn(times[0], 3600)
+    for time in times[1:]:
+        assert pace.scale(SIZE) > 0.5
+        pace.drawn(time, SIZE[0] * SIZE[1])
