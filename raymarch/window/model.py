@@ -47,7 +47,10 @@ SAVED_SIZES = ("as shown", "2 x", "4 x", "1920x1080", "3840x2160")
 
 
 class Log:
-    """Writes the window's events as lines of JSON, for scripts, and flushes each; without a file it writes nothing."""
+    """Writes the window's events as lines of JSON, for scripts, and flushes each; without a file it writes nothing.
+
+    Each event has its name, and `when` it was: in seconds of Unix time.
+    """
 
     def __init__(self, file: Path | None) -> None:
         self._out: TextIO | None = None
@@ -59,7 +62,9 @@ class Log:
 
     def say(self, event: str, **facts: Any) -> None:
         if self._out is not None:
-            self._out.write(json.dumps({"event": event, **facts}, default=str) + "\n")
+            self._out.write(
+                json.dumps({"event": event, "when": round(clock_time.time(), 4), **facts}, default=str) + "\n"
+            )
 
     def close(self) -> None:
         if self._out is not None:

@@ -72,6 +72,7 @@ class Pace:
     _since: int = 0
     _patience: int = 0
     _odd: bool = False
+    _still: bool = False
 
     def scale(self, size: tuple[int, int]) -> float:
         """The scale of width and height to draw now, from `SMALLEST` to 1."""
@@ -137,7 +138,17 @@ class Pace:
         """Another program is drawn: what was learned of the times of the last one is forgotten."""
         self._base, self._per_pixel, self._last, self._step = 0.0, None, None, LAST_STEP
         self._count = self._since = self._patience = 0
-        self._odd = False
+        self._odd = self._still = False
+
+    @property
+    def known(self) -> bool:
+        """True if the time of a picture is known."""
+        return self._per_pixel is not None
+
+    @property
+    def sure(self) -> bool:
+        """True if it is known from more than one moving picture."""
+        return self._still or self._count >= SURE
 
     def slow(self, size: tuple[int, int]) -> bool:
         """True if also the smallest picture of a size takes much longer than the budget."""
@@ -148,7 +159,7 @@ class Pace:
         if self._count < SURE:
             self.restart()
             self.drawn(milliseconds, pixels)
-            self._count = 0
+            self._count, self._still = 0, True
 
     @property
     def _small(self) -> bool:

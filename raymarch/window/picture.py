@@ -43,6 +43,9 @@ DEARER, LONGEST = 16.0, 3.0
 """A tile takes at most LONGEST budgets if its pixels cost DEARER times the mean of those drawn so far: a fractal may
 stand beside a cheap sky."""
 
+PATIENT = 30
+"""Frames of a preview before a scene that is never still is drawn, to learn its time."""
+
 BLOCK = 256
 """Edge of the largest tile, in pixels."""
 
@@ -106,6 +109,8 @@ class Picture:
         self.longest = 0.0
         """Milliseconds of the longest tile of the last still picture."""
         self._previews: dict[int, tuple[Scene, Scene | None]] = {}
+        self._at_hand: Any = None
+        self._waited = 0
 
     @property
     def whole(self) -> bool:
@@ -148,14 +153,15 @@ class Picture:
 
     def _coarse(self, shot: Shot, size: tuple[int, int]) -> None:
         """Draw the complete shot at the resolution that fits the budget."""
-        if self._pixels > 0:
-            self.pace.guess(self._spent, self._pixels)
-        pace, cheap = self.pace, shot
-        if pace.slow(size) and (scene := self.preview_of(shot.scene)) is not None:
-            pace, cheap = self.preview_pace, replace(shot, scene=scene)
-            pace.budget, pace.fixed = self.pace.budget, self.pace.fixed
+        if self._pixels > 0 and self.shot is not None:
+            self._pace(self.shot.scene).guess(self._spent, self._pixels)
+        cheap = self._cheap(shot, size)
+        pace = self._pace(cheap.scene)
+        pace.budget, pace.fixed = self.pace.budget, self.pace.fixed
         small = scaled(size, pace.scale(size), self._scales(cheap))
         spent, compiled, draw_calls, share = self._sketch(cheap, small)
+        if self._is_preview(cheap.scene):
+            self._at_hand = cheap.scene.planned, shot.view
         if compiled == 0.0:  # the first draw of a program includes driver work
             pace.drawn(spent / share, small[0] * small[1])
         else:
@@ -170,6 +176,27 @@ class Picture:
         self.shot, self._rest, self._pixels, self._done = shot, None, 0, 1 if complete else 0
         self.frame = spent if complete and not compiled else None
         self._say(spent, small, compiled, moving=True)
+
+    def _cheap(self, shot: Shot, size: tuple[int, int]) -> Shot:
+        """What moves in the place of a shot: a preview, if the scene is slow, or if its time is not known yet but its
+        preview is at hand. The tiles of a still picture tell that time without a long frame. A scene that its own time
+        moves is never still: it is tried after some frames."""
+        slow = self.pace.slow(size)
+        if self._is_preview(shot.scene) or (self.pace.known and not slow):
+            self._waited = 0
+            return shot
+        scene = self.preview_of(shot.scene)
+        if scene is None or not (slow or self._at_hand == (scene.planned, shot.view)):
+            return shot
+        alive = not self.pace.sure and self.shot is not None and shot.time != self.shot.time
+        self._waited = self._waited + 1 if alive else 0
+        return shot if self._waited > PATIENT else replace(shot, scene=scene)
+
+    def _is_preview(self, scene: Scene) -> bool:
+        return any(scene is made for _, made in self._previews.values())
+
+    def _pace(self, scene: Scene) -> Pace:
+        return self.preview_pace if self._is_preview(scene) else self.pace
 
     def _sketch(self, shot: Shot, size: tuple[int, int]) -> tuple[float, float, list[DrawCall], float]:
         """Draw a complete picture. A march or light that is split into passes stops once the budget is spent. Light
@@ -244,7 +271,7 @@ class Picture:
                 self._put(shot, self._drawing, None)
             if last:
                 self._rest, self._done, self.frame, self._lights = None, self._done + 1, self._spent, None
-                self.pace.guess(self._spent, size[0] * size[1])
+                self._pace(shot.scene).guess(self._spent, size[0] * size[1])
         self._say(spent, size, compiled, moving=False)
 
     def _say(self, spent: float, size: tuple[int, int], compiled: float, *, moving: bool) -> None:

@@ -6,6 +6,7 @@ The backend draws by PyOpenGL, into whatever context is current, and restores th
 from __future__ import annotations
 
 import importlib
+import importlib.util
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,6 +15,11 @@ from raymarch.window.events import Button, Char, Event, Key, Move, Scroll
 from raymarch.window.model import Model
 from raymarch.window.surface import Window
 from raymarch.window.theme import apply_theme
+
+
+def installed() -> bool:
+    """True if the extra is installed, as far as can be told without importing it, which takes long."""
+    return importlib.util.find_spec("imgui_bundle") is not None
 
 
 def find() -> Any:

@@ -66,7 +66,6 @@ IDLE = 0.25
 SHORTEST = 1 / 120
 """Minimum duration of a frame in seconds."""
 
-
 HINTED = 10.0
 """Seconds for which the window says how to get help, unless something is pressed."""
 
@@ -131,7 +130,7 @@ class Viewer:
             ready = prepare(rough or state.progressive, size=size, device=device)
             if rough is None:
                 ready, _ = self._constants.fit(ready)
-            if rough is not None:  # a trial compiles the scene itself
+            else:  # a trial compiles the scene itself
                 self.picture.compiling, rough = state.progressive, self.picture.preview_of(state.progressive)
             self.renderer.adopt(rough or state.progressive, ready)
             self._first()
@@ -151,10 +150,8 @@ class Viewer:
         self._overlay = Overlay(self.screen)
         self._toolkit: toolkit.Toolkit | None = None
         self._panel: Panel | None = None
-        found = toolkit.find()
-        if found is not None:
-            self._toolkit = toolkit.Toolkit(found, window, self.screen)
-            self._panel, model.panel = Panel(found.imgui, model), panel
+        if toolkit.installed():
+            model.panel = panel
             model.narrow, model.opened = recall()
         if self._outside is not None:
             self._outside.wake = window.wake
@@ -180,7 +177,8 @@ class Viewer:
         )
 
     def _first(self) -> None:
-        """Draw the first picture, so that a scene that cannot be drawn fails at once."""
+        """Show the first picture, so that a scene that cannot be drawn fails at once. The panel follows, whose toolkit
+        takes long to import."""
         model = self.model
         self._measure_window()
         if not model.state.moved:
@@ -190,8 +188,18 @@ class Viewer:
         self.picture.step(model.state.shot(), model.area, False)
         model.hint = clock_time.perf_counter() + HINTED
         model.say("open", size=self.window.size, density=self.window.density, renderer=model.driver)
+        self._report()
+        self._present()
+        self._tell_frame()
+        self._open_panel()
 
-    # The loop
+    def _open_panel(self) -> None:
+        found = None if self.model.panel is None else toolkit.find()
+        if found is None:
+            self.model.panel = None
+        else:
+            self._toolkit = toolkit.Toolkit(found, self.window, self.screen)
+            self._panel, self._live = Panel(found.imgui, self.model), 2
 
     def run(self, seconds: float | None = None) -> int:
         """Run until the window is closed, or for `seconds`. Returns 0; 2 if the scene has an error then; 130 after
@@ -363,8 +371,6 @@ class Viewer:
         facts |= {"preview": self.picture.preview, "tile": round(self.picture.longest, 2)}
         times = {"ms": round(drawn.milliseconds, 2), "rest": round(self._rest, 2)}
         self.model.say("frame", n=self._frames, compiled=self.renderer.compiled, **facts, **times)
-
-    # Requests
 
     def _carry_out_all(self) -> None:
         with self.window.context.bound():

@@ -196,6 +196,31 @@ def test_a_slow_picture_moves_as_a_preview(renderer: rm.Renderer) -> None:
         screen.release()
 
 
+def test_a_scene_whose_time_is_unknown_moves_as_the_preview_at_hand(renderer: rm.Renderer) -> None:
+    """Its program was compiled elsewhere while its preview moved: nothing is drawn whole before tiles tell its time. If
+    it is never still, because its own time moves it, it is tried after some frames."""
+    lamp = rm.Sun((1, 0.3, -0.2), intensity=3, shadow=True, softness=0.2)
+    scene = progressive(rm.Scene(rm.sphere(1) | rm.plane(offset=-1), CAMERA, lights=[lamp]))
+    screen = Screen(renderer.context, SIZE)
+    picture = Picture(renderer, screen, Pace())
+    try:
+        picture.compiling = scene
+        picture.step(shot_of(scene), SIZE, still=False)
+        compiled, picture.compiling = renderer.compiled, None
+        for moved in (0.1, 0.2, 0.3):
+            picture.step(shot_of(scene, moved=moved), SIZE, still=False)
+        assert renderer.compiled == compiled and not picture.pace.known and not picture.preview
+        for frame in range(1, 60):
+            picture.step(replace(shot_of(scene), time=frame / 30), SIZE, still=False)
+        assert renderer.compiled > compiled and picture.pace.known
+        while picture.step(shot_of(scene), SIZE, still=True):
+            pass
+        assert picture.whole and picture.shot is not None and picture.shot.scene is scene
+    finally:
+        picture.release()
+        screen.release()
+
+
 def test_a_scene_without_expensive_light_has_no_preview() -> None:
     assert preview(rm.Scene(rm.sphere(), lights=[rm.Sun(shadow=True)])) is None
     assert preview(rm.Scene(rm.sphere(), occlusion=rm.AmbientOcclusion())) is not None
