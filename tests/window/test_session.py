@@ -123,6 +123,7 @@ def test_a_scene_that_moves(view: View, tmp_path: Path) -> None:
     (tmp_path / "kept.json").write_text(json.dumps(settings))
     session = view(text, "--size", "320x200", "--settings", "kept.json", "--time", "20", moving=True)
     hand = session.hand
+    session.wait("frame", lambda e: e["n"] > 2)  # the first is shown before the clock runs
     hand.key("space")
     assert session.wait("time", lambda e: not e["playing"])["time"] > 20
     for name in ("Home", "period", "period", "period", "l"):
