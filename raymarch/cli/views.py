@@ -17,16 +17,12 @@ from raymarch.gpu.prepare import Wanted
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.scale import with_bar
 from raymarch.gpu.slices import Slice
-from raymarch.gpu.views import VIEWS, count_scale
+from raymarch.gpu.views import VIEWS
 from raymarch.scene.scene import Scene
 
 CHOICES: Mapping[str, tuple[str, ...]] = {
     **VIEWS,
     "error": ("depth",),
-    "all_evaluations": ("color",),
-    "shadow_evaluations": ("color",),
-    "occlusion_evaluations": ("color",),
-    "bounce_evaluations": ("color",),
     "nonfinite": ("color",),
     "lipschitz": ("color",),
 }
@@ -47,8 +43,6 @@ def shown(
         return _probed(renderer, view, scene, frame.time, params, progress)
     if view == "error":
         return _compared(frame, scene, params)
-    if view.endswith("_evaluations"):
-        return _counted(renderer, view.partition("_")[0], scene, frame.time, params)
     return view_of(frame, view, scene)
 
 
@@ -81,23 +75,6 @@ def _compared(frame: Frame, scene: Scene, params: Mapping[str, Any]) -> Shown:
     def numbers() -> NDArray[np.float32]:
         errors = maps.errors_of(frame, scene, params)
         return np.repeat(errors[..., None], 3, axis=-1).astype(np.float32)
-
-    return Shown(image, numbers)
-
-
-def _counted(renderer: Renderer, kind: str, scene: Scene, time: float, params: Mapping[str, Any]) -> Shown:
-    from raymarch.cost import effects  # only these views count in a shader of their own
-
-    given = (scene, renderer, time, params)
-    counts = effects.evaluation_counts(*given) if kind == "all" else effects.evaluations_by(kind, *given)
-    what = {"all": "by all rays", "bounce": "after the first hit"}.get(kind, f"by {kind} rays")
-
-    def image() -> Image.Image:
-        scale = count_scale(f"evaluations of a pixel {what}")(counts)
-        return with_bar(Image.fromarray(np.asarray(np.rint(255 * scale.colored(counts)), np.uint8)), scale)
-
-    def numbers() -> NDArray[np.float32]:
-        return np.repeat(counts[..., None], 3, axis=-1)
 
     return Shown(image, numbers)
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from itertools import product
 from time import process_time
 from typing import Any
@@ -19,13 +19,11 @@ from raymarch.cost.settings import Setting
 from raymarch.cost.statistics import Median, median
 from raymarch.cost.sweep import Progress, turns
 from raymarch.errors import CostError
-from raymarch.gpu.prepare import prepare
 from raymarch.gpu.renderer import Renderer
 from raymarch.plan import plan
 from raymarch.scene.light_kinds import hard
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import set_values
-from raymarch.scene.quality import SINGLE_PASS
 from raymarch.scene.scene import Scene
 from raymarch.sdf.labels import relabelled
 from raymarch.shader import assemble
@@ -35,8 +33,6 @@ TEXEL = 16
 """Bytes of a texel: four 32-bit floats."""
 REPEATS = 3
 """Pictures of which `dearest` takes the median time."""
-COUNTER = "field_evaluations_"
-"""A global of the counting shader."""
 
 
 @dataclass(slots=True)
@@ -208,59 +204,11 @@ def evaluation_counts(
 ) -> NDArray[np.float32]:
     """Evaluations of the field and its gradient by all rays of a pixel, shadows and reflections among them, (H, W).
 
-    The scene's own shader with an inserted counter counts them, at one camera ray per pixel and without cones.
+    See `raymarch.shader.tally`.
     """
-    plain = scene.replace(post=[], quality=scene.quality.replace(**SINGLE_PASS, samples=1))
-    ready = prepare(plain, ("color",), renderer.size)
-    counting = replace(ready, texts={name: counting_text(text) for name, text in ready.texts.items()})
     with Renderer(renderer.size, context=renderer.context) as own:
-        own.adopt(plain, counting, ("color",))
-        return np.ascontiguousarray(own.render(plain, time, params, ("color",)).array("color")[..., 0])
-
-
-def _unshadowed(scene: Scene) -> Scene:
-    return scene.replace(lights=[x.replace(shadow=False) if x.shadow else x for x in scene.lights])
-
-
-SENT: Mapping[str, Callable[[Scene], Scene]] = {
-    "shadow": _unshadowed,
-    "occlusion": lambda scene: scene.replace(occlusion=None),
-    "bounce": lambda scene: scene.replace(bounces=0),
-}
-"""Kinds of rays and samples beside those of the camera, with the scene that sends none of them."""
-
-
-def evaluations_by(
-    kind: str, scene: Scene, renderer: Any, time: float = 0.0, params: Mapping[str, Any] | None = None
-) -> NDArray[np.float32]:
-    """Those of `evaluation_counts` that the scene without a kind of `SENT` does not have, (H, W). Bounces have shadows
-    of their own."""
-    every, rest = (evaluation_counts(s, renderer, time, params) for s in (scene, SENT[kind](scene)))
-    return every - rest
-
-
-COUNTED = (
-    *("float field(vec3", "float marched_field(vec3", "vec2 field_advance(vec3", "vec4 field_gradient(vec3"),
-    *("float undivided_field(vec3", "Part part_at(vec3"),
-)
-"""The first words of the functions whose calls are counted."""
-
-
-def counting_text(text: str) -> str:
-    """A shader of the colour pass that writes its number of evaluations of field and gradient in place of the
-    colour."""
-    found = 0
-    lines = []
-    for line in text.splitlines():
-        if line.startswith(COUNTED) and line.endswith("{"):
-            lines += [f"float {COUNTER} = 0.0;"] if not found else []
-            lines += [line, f"    {COUNTER} += 1.0;"]
-            found += 1
-        else:
-            lines.append(line)
-    end = len(lines) - 1 - lines[::-1].index("}")
-    lines.insert(end, f"    out_color = vec4(vec3({COUNTER if found else '0.0'}), 1.0);")
-    return "\n".join(lines) + "\n"
+        counts = own.render(scene, time, params, ("all_evaluations",)).array("all_evaluations")
+        return np.asarray(counts, np.float32)
 
 
 DEAREST = 3

@@ -35,7 +35,7 @@ from raymarch.files import UNFINISHED, import_optional, written
 from raymarch.gpu.context import Driver
 from raymarch.gpu.frame import Frame
 from raymarch.gpu.part import PicturePart, prepared_part
-from raymarch.gpu.prepare import Prepared, assembled, passes_for
+from raymarch.gpu.prepare import Prepared, assembled, drawn_for, passes_for
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.tiles import split
 from raymarch.plan import plan
@@ -239,7 +239,7 @@ class Contents:
     """
 
     def __init__(self, scene: Scene, shot: Shot, renderer: Renderer | None = None) -> None:
-        self.scene, self.shot = scene, shot
+        self.scene, self.shot = drawn_for(scene, shot.outputs), shot
         same = renderer is not None and renderer.context.driver.device_class is device_class()
         self.renderer = renderer if same else None
         self._ready: dict[Any, Prepared] = {}

@@ -16,6 +16,7 @@ from raymarch.expr.convert import switch
 from raymarch.gpu.display import ABOVE_ONE, NOT_FINITE, display_of, image_of
 from raymarch.gpu.unread import Unread
 from raymarch.plan import OUTPUTS
+from raymarch.plan.passes import TALLIES
 from raymarch.scene.camera import Pose
 from raymarch.scene.shown import Shown
 from raymarch.scene.tone import ToneMapping, encode
@@ -132,7 +133,7 @@ class Frame:
         return list(self.warnings) if self._doubts is None else self._doubts(self, steps)
 
     def array(self, name: str) -> NDArray[Any]:
-        """An array by name, one of `raymarch.plan.OUTPUTS`.
+        """An array by name, one of `raymarch.plan.OUTPUTS` or `raymarch.plan.passes.TALLIES`.
 
         Returns
         -------
@@ -162,8 +163,8 @@ class Frame:
         return self._unread[name]
 
     def __getattr__(self, name: str) -> NDArray[Any]:
-        """An array of `OUTPUTS` that has no property."""
-        if name in OUTPUTS:
+        """An array that has no property."""
+        if name in OUTPUTS or name in TALLIES:
             return self.array(name)
         raise AttributeError(f"'Frame' object has no attribute '{name}'")
 

@@ -26,10 +26,11 @@ from raymarch.plan import OUTPUTS, Plan, lights, marching, plan, relit
 from raymarch.plan.device import DeviceClass
 from raymarch.plan.hoisting import with_hoisted
 from raymarch.plan.live_lights import LiveLights
-from raymarch.plan.passes import DRAWN
+from raymarch.plan.passes import DRAWN, TALLIES
 from raymarch.scene.camera import Pose
 from raymarch.scene.legal import violations
 from raymarch.scene.parameter import Values
+from raymarch.scene.quality import SINGLE_PASS
 from raymarch.scene.scene import Scene
 from raymarch.shader import Shader, assemble
 from raymarch.shader.assemble import assemble_effect
@@ -177,10 +178,20 @@ def passes_for(outputs: Sequence[Wanted]) -> list[str]:
     if not isinstance(outputs, Iterable) or isinstance(outputs, np.ndarray | np.generic | Expr):
         raise SceneError(f"outputs = {described(outputs)}", legal=", ".join(OUTPUTS))
     names = [outputs] if isinstance(outputs, str) else [name_of(output) for output in outputs]
+    known = TALLIES if names and set(names) <= {*TALLIES} else OUTPUTS
     for name in names:
-        if not isinstance(name, str) or name not in OUTPUTS:
-            raise SceneError(f"outputs: {short(name)}", legal=", ".join(OUTPUTS))
+        if not isinstance(name, str) or name not in known:
+            raise SceneError(f"outputs: {short(name)}", legal=f"{', '.join(OUTPUTS)}; alone: {', '.join(TALLIES)}")
     return [name for name, drawn in DRAWN.items() if drawn.outputs.keys() & names] or ["color"]
+
+
+def drawn_for(scene: Scene, outputs: Sequence[Wanted]) -> Scene:
+    """The scene that is drawn for some outputs: evaluations by all rays are those of one camera ray a pixel, without
+    cones, earlier frames and post effects."""
+    if passes_for(outputs) != ["tally"]:
+        return scene
+    quality = scene.quality.replace(**SINGLE_PASS, samples=1)
+    return scene if quality == scene.quality and not scene.post else scene.replace(post=[], quality=quality)
 
 
 def frame_uniforms(

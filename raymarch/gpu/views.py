@@ -29,6 +29,10 @@ COUNTS = {
     "iterations": "steps per ray",
     "evaluations": "field evaluations per pixel",
     "fallbacks": "undone steps per ray",
+    "all_evaluations": "evaluations of a pixel by all rays",
+    "shadow_evaluations": "evaluations of a pixel by shadow rays",
+    "occlusion_evaluations": "evaluations of a pixel by samples of ambient occlusion",
+    "bounce_evaluations": "evaluations of a pixel by bounces",
 }
 
 SMALLEST = 1e-9

@@ -69,7 +69,7 @@ class Pass:
     defines : preprocessor names defined in this pass only. shades : True if it computes the colour of surfaces.
     surfaces : True if it calls `surface_normal` or `material_index`. bends : True if it calls `surface_normal`, and
         `relief_at` where a material has relief. counts : True if it reads what a ray has cost.
-    notes : True if it keeps samples of a march.
+    notes : True if it keeps samples of a march. tallies : True if it counts evaluations by all rays; it is drawn alone.
     extension : the OpenGL extension that it requires; "" for none.
     effect : the post effect that it draws. Its shader is separate from that of the scene.
     lights : "before", "each" or "after", for passes that add the light of a sample of the picture a few samples of
@@ -92,6 +92,7 @@ class Pass:
     bends: bool = False
     counts: bool = False
     notes: bool = False
+    tallies: bool = False
     extension: str = ""
     effect: PostEffect | None = None
     lights: str = ""
@@ -251,6 +252,15 @@ DRAWN: Final = {
         shades=True,
         extension="GL_ARB_shader_clock",
     ),
+    "tally": Pass(
+        "tally",
+        "view/tally",
+        ("u_tally",),
+        "evaluations of all rays were requested",
+        {f"{name}_evaluations": Output(0, k) for k, name in enumerate(("all", "shadow", "occlusion", "bounce"))},
+        shades=True,
+        tallies=True,
+    ),
     "ray": Pass(
         "ray", "view/ray", ("u_sample", "u_end_of_ray"), "the samples of a ray were requested", sharp=True, notes=True
     ),
@@ -268,8 +278,11 @@ DRAWN: Final = {
 ATTACHMENTS: Final = 8
 """Textures that a pass can write with every driver."""
 
-OUTPUTS: Final = tuple(name for drawn in DRAWN.values() for name in drawn.outputs)
+OUTPUTS: Final = tuple(name for drawn in DRAWN.values() if not drawn.tallies for name in drawn.outputs)
 """The arrays that a frame can hold."""
+
+TALLIES: Final = tuple(name for drawn in DRAWN.values() if drawn.tallies for name in drawn.outputs)
+"""Counts of evaluations by all rays. They are drawn alone: each evaluation of their shader is counted."""
 
 
 def picture_passes(

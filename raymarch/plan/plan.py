@@ -235,6 +235,16 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
         """The function that tells how far a ray is free; None if the tracer does not ask it."""
         return self.advancing(False) if self.marching.tracer == "advance" else None
 
+    @property
+    def tallies(self) -> bool:
+        """True if evaluations by all rays are counted."""
+        return any(p.tallies for p in self.passes)
+
+    @property
+    def tells_kinds(self) -> bool:
+        """True if the shader keeps the kind of each ray: parts are hidden from some, or evaluations are counted."""
+        return bool(self.hidden) or self.tallies
+
     @cached_property
     def cones_ahead(self) -> bool:
         """True if soft shadows ask how far the cone about a ray is free."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
 
@@ -34,7 +34,7 @@ from raymarch.scene.relief import footprint_axis, shading_normal
 from raymarch.scene.scene import all_nodes
 from raymarch.sdf.advance import STRETCH
 from raymarch.sdf.labels import rows_of
-from raymarch.shader import kinds
+from raymarch.shader import kinds, tally
 from raymarch.shader.bounds import marched_range, scene_box, scene_cone
 from raymarch.shader.chunk import Chunk, Mapped, Values
 from raymarch.shader.fog import sky_light
@@ -137,7 +137,8 @@ def assemble(
     mains = [module(p.module, variants) for p in passes]
     values = Values()
     shade = shading(plan, values) if any(p.shades for p in passes) else None
-    values.variables |= {"ray_kind"} if plan.hidden else set()
+    values.variables |= {"ray_kind"} if plan.tells_kinds else set()
+    values.variables |= {tally.COUNT} if plan.tallies else set()
     values.variables |= {STRETCH.data} if plan.stretched else set()
     setup = Setup(plan, values, inputs) if plan.standalone else None
     roots = _roots(plan, values)
@@ -174,7 +175,8 @@ def assemble(
         if not found:
             raise _too_many_textures(plan, too_many + TEXTURE_UNITS)
         return assemble(plan, inputs, constants, found, part)
-    body = trimmed([*body, *_main(mains)], frozenset[str]().union(*(chunk.gives for chunk in mains)))
+    body = trimmed([*body, *_main(mains)], frozenset({tally.COUNT}).union(*(chunk.gives for chunk in mains)))
+    body = tally.tallied(body) if plan.tallies else body
     unread = {name for name in text.samples if sum(name in line.text for line in body) == 1} - constants
     body = [line for line in body if line.uniform is None or line.uniform.name not in unread]
     samples = {name: of for name, of in text.samples.items() if name not in unread}
@@ -386,7 +388,8 @@ def _fields(
         lines.append(Mapped("", "parameters"))
     lines += _mapped(text, _Places(plan))
     gives = frozenset(root.name for root in roots)
-    return Chunk("field", _names(roots) | text.needs, gives, tuple(lines)), parameters, text
+    needs = _names(roots) | text.needs | ({tally.COUNT} if plan.tallies else set())
+    return Chunk("field", needs, gives, tuple(lines)), parameters, text
 
 
 class _Places:
@@ -445,7 +448,8 @@ def _mapped(text: Text, places: _Places) -> list[Mapped]:
     for printed in text.functions:
         name = printed[0].text.partition("(")[0].split()[-1]
         around = places.around(owners[name])
-        lines += [_mapped_line(line, name, around, places) for line in printed]
+        head, *rest = [_mapped_line(line, name, around, places) for line in printed]
+        lines += [replace(head, tallied=name in tally.EVALUATIONS), *rest]
         lines.append(Mapped("", name, around))
     return lines[:-1]
 

@@ -21,6 +21,7 @@ class Mapped:
 
     uniform : the uniform that it declares, if it declares one.
     given : whether it is GLSL that a user wrote, which stays as it is.
+    tallied : whether it begins a function whose calls are evaluations of the field or its gradient.
     """
 
     text: str
@@ -28,6 +29,7 @@ class Mapped:
     where: Location | None = None
     uniform: Declared | None = None
     given: bool = False
+    tallied: bool = False
 
     @classmethod
     def declare(cls, type: str, name: str, made_by: str, where: Location | None = None, note: str = "") -> Mapped:

@@ -1,4 +1,4 @@
-"""Generated code that tells the field which kind of ray evaluates it, in scenes with parts hidden by `visible`."""
+"""Generated code that keeps the kind of the present ray, for parts hidden by `visible` and for counts by kind."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from raymarch.plan import Plan
 from raymarch.sdf.visibility import KINDS, RAY_KIND
 from raymarch.shader.chunk import Chunk, Mapped
 
-BY = "visible(...)"
+BY = "kinds of rays"
+OCCLUSION = "1.25"
+"""The kind of samples of ambient occlusion: that of a shadow ray for the field, and another one for counts."""
 SHADOWS = {
     "hard": "hard_shadow",
     "two-sided": "two_sided_shadow",
@@ -22,30 +24,30 @@ SHADOWS = {
 
 def number(kind: str) -> str:
     """The number of a kind of ray, as GLSL text."""
-    return f"{float(KINDS.index(kind))}"
+    return OCCLUSION if kind == "occlusion" else f"{float(KINDS.index(kind))}"
 
 
 def shadow_function(plan: Plan, shadow: str) -> str:
     """The name of the function that traces a shadow."""
-    return SHADOWS[shadow] + "_rays" * bool(plan.hidden)
+    return SHADOWS[shadow] + "_rays" * plan.tells_kinds
 
 
 def set_kind(plan: Plan, kind: str, indent: str) -> str:
-    """The line that begins rays of a kind; "" where nothing is hidden."""
-    return f"{indent}{RAY_KIND.data} = {number(kind)};" if plan.hidden else ""
+    """The line that begins rays of a kind; "" where no kinds are kept."""
+    return f"{indent}{RAY_KIND.data} = {number(kind)};" if plan.tells_kinds else ""
 
 
-def as_shadow(plan: Plan, indent: str) -> tuple[list[str], list[str]]:
-    """The lines before and after text that evaluates the field as for a shadow ray; none where nothing is hidden."""
-    if not plan.hidden:
+def as_occlusion(plan: Plan, indent: str) -> tuple[list[str], list[str]]:
+    """The lines before and after text that samples ambient occlusion; none where no kinds are kept."""
+    if not plan.tells_kinds:
         return [], []
     kept = f"{indent}float kind = {RAY_KIND.data};"
-    return [kept, set_kind(plan, "shadow", indent)], [f"{indent}{RAY_KIND.data} = kind;"]
+    return [kept, set_kind(plan, "occlusion", indent)], [f"{indent}{RAY_KIND.data} = kind;"]
 
 
 def chunks() -> dict[str, Callable[[], Chunk]]:
     """The variable of the kind, and functions that trace shadows with it, by name."""
-    numbered = ", ".join(f"{number(kind)} {kind}" for kind in KINDS)
+    numbered = ", ".join(f"{number(kind)} {kind}" for kind in (*KINDS, "occlusion"))
     variable = Mapped(f"float {RAY_KIND.data} = 0.0;  // {numbered}", BY)
     found: dict[str, Callable[[], Chunk]] = {str(RAY_KIND.data): partial(Chunk.of, "kinds of rays", [variable])}
     return found | {f"{name}_rays": partial(_shadow, name) for name in SHADOWS.values()}

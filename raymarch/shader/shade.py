@@ -13,7 +13,7 @@ from raymarch.shader.bounces import path_tracing, tree
 from raymarch.shader.bsdf import Reflection
 from raymarch.shader.chunk import Chunk, Lines, Mapped, Values
 from raymarch.shader.fog import begin_shade, end_shade, sky_functions
-from raymarch.shader.kinds import as_shadow
+from raymarch.shader.kinds import as_occlusion
 from raymarch.shader.lights import all_lights
 from raymarch.shader.surface import material_arguments, surface_interaction_call, visible_side
 
@@ -133,7 +133,7 @@ def _occlusion_samples(text: Lines, plan: Plan, values: Values) -> None:
     values.functions.append(Function("ambient_visibility_of", (missing,), remaining, where=scene.where))
     decay = values.text("occlusion_decay", occlusion.decay, scene.where)
     share = "surface.ambient_visibility * " if _occluded_by_map(plan) else ""
-    begin, end = as_shadow(plan, "        ")
+    begin, end = as_occlusion(plan, "        ")
     text.add(
         f"    if (first < {samples}) {{",
         "        float missing = first == 0 ? 0.0 : ambient_visibility;",
@@ -212,7 +212,7 @@ def _visibility(text: Lines, plan: Plan, values: Values) -> None:
         values.functions.append(Function("ambient_occlusion", (POINT, NORMAL), visibility, where=scene.where))
         share = "surface.ambient_visibility * " if shares else ""
         call = f"    float ambient_visibility = {share}ambient_occlusion(surface.p, surface.normal);"
-        begin, end = as_shadow(plan, "    ")
+        begin, end = as_occlusion(plan, "    ")
         text.add(*begin, call, *end, by=by, where=scene.where)
     elif shares:
         text.add("    float ambient_visibility = surface.ambient_visibility;", by=by, where=scene.where)

@@ -108,7 +108,7 @@ def test_the_evaluations_of_all_rays_are_those_of_the_command_cost():
 
 
 def test_the_evaluations_of_each_kind_add_up():
-    """Nothing is counted twice; occlusion takes its samples at each hit."""
+    """Nothing is counted twice, shadows of bounces are shadows, and occlusion takes its samples at each hit."""
     scene = rm.Scene(
         rm.torus(1, 0.3) | rm.plane(offset=-1),
         lights=[rm.Sun(shadow=True), rm.PointLight((0, 3, 0), shadow=True)],
@@ -128,11 +128,16 @@ def test_the_evaluations_of_each_kind_add_up():
             kinds["shadow"] + kinds["occlusion"] + counted(bare, "all_evaluations"), kinds["all"]
         )
         mirror = scene.replace(node=scene.node.material(rm.Material(metalness=1, roughness=0)), bounces=1)
-        assert counted(mirror, "bounce_evaluations").mean() > 1.0
+        kinds = {kind: counted(mirror, f"{kind}_evaluations") for kind in ("all", "shadow", "occlusion", "bounce")}
+        frame = renderer.render(mirror)
+        rest = kinds["all"] - kinds["shadow"] - kinds["occlusion"] - kinds["bounce"]
+        assert kinds["bounce"].mean() > 1.0
+        np.testing.assert_array_equal(rest, frame.evaluations + np.isfinite(frame.depth))  # and the normal of a hit
 
 
 @pytest.mark.parametrize(
-    "view", ["evaluations", "all_evaluations", "slice", "boxes", "error", "nonfinite", "lipschitz"]
+    "view",
+    ["evaluations", "all_evaluations", "shadow_evaluations", "slice", "boxes", "error", "nonfinite", "lipschitz"],
 )
 def test_views_are_written_as_numbers_too(folder, view):
     assert run("render", "hello.py", "-o", "a.exr", "--view", view, "--size", "24x16") == 0

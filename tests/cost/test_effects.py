@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,10 +11,12 @@ import pytest
 
 import raymarch as rm
 from raymarch.cli import main
-from raymarch.cost.effects import ablate, ablations, counting_text, dearest, evaluation_counts, evaluations_of
+from raymarch.cost.effects import ablate, ablations, dearest, evaluation_counts, evaluations_of
 from raymarch.errors import CostError
 from raymarch.gpu.context import Context
+from raymarch.gpu.prepare import prepare
 from raymarch.gpu.resource_cache import ResourceCache
+from raymarch.shader.tally import EVALUATIONS
 
 SIZE = (48, 27)
 
@@ -195,13 +198,15 @@ def test_samples_of_occlusion_are_counted(renderer, tracer):
     assert np.array_equal(asked, 4.0 * hit)
 
 
-def test_the_counting_text():
-    text = "float field(vec3 p) {\n    return 1.0;\n}\n\nvoid main() {\n    out_color = vec4(field(vec3(0.0)));\n}\n"
-    made = counting_text(text).splitlines()
-    assert made[0].startswith("float field_evaluations_ = 0.0;")
-    assert made[2].strip() == "field_evaluations_ += 1.0;"
-    assert made[-2].strip() == "out_color = vec4(vec3(field_evaluations_), 1.0);"
-    assert made[-1] == "}"
+def test_calls_are_counted_once_in_what_is_left_of_the_text():
+    """Only the functions of the field count, and only in a shader that is asked for counts."""
+    scene = rm.Scene(rm.sphere() | rm.box(1), lights=[rm.Sun(shadow=True)])
+    text = prepare(scene, ("all_evaluations",)).texts["tally"]
+    lines = text.splitlines()
+    counting = [head for head, line in pairwise(lines) if line == "    count_evaluation();"]
+    names = {head.partition("(")[0].split()[-1] for head in counting}
+    assert names and names <= EVALUATIONS and len(names) == len(counting)
+    assert "count_evaluation" not in prepare(scene).texts["color"]
 
 
 def test_the_command(tmp_path, monkeypatch, capsys):

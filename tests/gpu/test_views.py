@@ -12,6 +12,7 @@ from raymarch.gpu.frame import Frame
 from raymarch.gpu.scale import colored
 from raymarch.gpu.views import VIEWS, picture, scale_of
 from raymarch.plan import OUTPUTS
+from raymarch.plan.passes import TALLIES
 
 SCENE = rm.Scene(rm.sphere())
 WHOLE = ("iterations", "evaluations", "fallbacks", "material")
@@ -38,7 +39,7 @@ def colors(shares: Any, name: str = "inferno") -> list[Any]:
 
 
 def test_every_array_has_a_view() -> None:
-    assert {name for needed in VIEWS.values() for name in needed} == set(OUTPUTS) - {"done", "reach"}
+    assert {name for needed in VIEWS.values() for name in needed} == {*OUTPUTS, *TALLIES} - {"done", "reach"}
 
 
 def test_the_picture_itself() -> None:

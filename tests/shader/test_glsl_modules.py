@@ -100,7 +100,7 @@ GENERATED = """
     Light Material Part Relief add_light begin_sample color_fault cone_share contact_share leap_pixels epsilon_pixels
     field_advance field_faults field_gradient field_value footprint_axis footprint_pixels keep_surface kept_hit
     linear_to_srgb
-    march_steps marched_field own_step
+    march_steps marched_field own_step ray_kind
     marched_range material_at material_index part_at path_extent pcg picture_samples previous_position relax_again
     relaxation relief_at rising_steps scene_box scene_cone secondary_steps set_frame shade shading_normal shadow_steps
     smoothing divided solved_advance solved_field solved_hit step_scale surface_texels step_variation surface_faults

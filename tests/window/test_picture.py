@@ -94,9 +94,11 @@ def test_a_moving_picture_leaves_lights_out_at_the_end_of_its_budget(renderer: r
         screen.release()
 
 
-@pytest.mark.parametrize("view", ["depth", "normal", "iterations", "slice", "boxes"])
+@pytest.mark.parametrize(
+    "view", ["depth", "normal", "iterations", "slice", "boxes", "all_evaluations", "shadow_evaluations"]
+)
 def test_a_view_is_the_one_of_the_renderer(renderer: rm.Renderer, view: str) -> None:
-    scene = rm.Scene(rm.sphere(1) | rm.box((4, 0.2, 4)), CAMERA)
+    scene = rm.Scene(rm.sphere(1) | rm.box((4, 0.2, 4)), CAMERA, [rm.Sun(shadow=True)])
     shot = replace(shot_of(progressive(scene)), view=view)
     screen = Screen(renderer.context, SIZE)
     picture = Picture(renderer, screen, Pace(budget=1e3))
