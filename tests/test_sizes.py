@@ -20,7 +20,7 @@ FUNCTIONS = {
 """Lines of functions that are longer, without docstrings. They may only shrink."""
 
 LONG_FILES = {
-    "raymarch/gpu/renderer.py": 598,
+    "raymarch/gpu/renderer.py": 592,
     "raymarch/sdf/definition.py": 527,
     "raymarch/sdf/node.py": 640,
 }

@@ -147,16 +147,16 @@ class CellPace:
 
     after: float = 0.0
     _fixed: float = math.inf
-    _last: dict[tuple[str, int], float] = field(default_factory=dict)
-    _mean: dict[tuple[str, int], float] = field(default_factory=dict)
-    _sums: dict[tuple[str, int], tuple[float, int]] = field(default_factory=dict)
+    _last: dict[str, float] = field(default_factory=dict)
+    _mean: dict[str, float] = field(default_factory=dict)
+    _sums: dict[str, tuple[float, int]] = field(default_factory=dict)
 
     def begin(self) -> None:
         """Begin a picture."""
         self._sums.clear()
 
-    def add(self, key: tuple[str, int], cells: int, time: float) -> None:
-        """Count a band. key : the name of the pass, and its number in a march."""
+    def add(self, key: str, cells: int, time: float) -> None:
+        """Count a band. key : the name of the pass."""
         self._fixed = min(self._fixed, time)
         variable, (spent, known) = time - self._fixed, self._sums.get(key, (0.0, 0))
         self._last[key] = variable / cells
@@ -176,23 +176,20 @@ class CellPace:
             return math.inf
         return self.after + sum(self._fixed + mean * cells for mean in self._mean.values())
 
-    def fitting(self, key: tuple[str, int], rest: int, budget: Budget, *, drawn: bool) -> int:
+    def fitting(self, key: str, rest: int, budget: Budget, *, drawn: bool) -> int:
         """The number of cells of the next band, of those that are left; 0 leaves them to the next frame.
 
-        A march pass that was never drawn takes as long as the one before. Any other begins with a few cells. No cell is
-        expected to be cheaper than the mean: the next rows may be dearer than the last ones.
+        A pass that was never drawn begins with a few cells. No cell is expected to be cheaper than the mean: the next
+        rows may be dearer than the last ones.
         drawn : whether this frame has drawn a band. The first one of a frame has at least a cell, and as many as add a
             quarter to its fixed time, which may be longer than the budget.
         """
-        name, number = key
-        while (name, number) not in self._last and number > 0:
-            number -= 1
-        known, left = (name, number), budget.left - min(self.after, 0.5 * budget.limit)
+        left = budget.left - min(self.after, 0.5 * budget.limit)
         if drawn and left < SCRAP * budget.limit:
             return 0
-        if known not in self._last:
+        if key not in self._last:
             return max(rest // 16, 1)
-        each = max(self._last[known], self._mean.get(known, 0.0))
+        each = max(self._last[key], self._mean.get(key, 0.0))
         if self._fixed + rest * each <= CAUTION * HEADROOM * left:
             return rest
         if drawn and left < self._fixed + each:

@@ -15,13 +15,13 @@ from raymarch.gpu.budget import Budget
 from raymarch.gpu.draw_call import CENTRE, DrawCall
 from raymarch.gpu.frame_inputs import FrameInputs, content
 from raymarch.gpu.history import GridState, History
-from raymarch.gpu.interlaced import WHOLE, Interlaced
+from raymarch.gpu.interlaced import Interlaced
 from raymarch.gpu.part import PicturePart, covering
 from raymarch.gpu.prepare import Prepared
 from raymarch.gpu.resource_cache import ResourceCache
 from raymarch.gpu.sequences import halton, moment, r2
 from raymarch.gpu.targets import Target
-from raymarch.plan import Pass
+from raymarch.plan import Pass, marching
 from raymarch.plan.marching import Level
 from raymarch.scene.post import PICTURE, Stage
 
@@ -59,6 +59,7 @@ class Drawing:
     at : the inputs at a time in the opening of the shutter, from -1/2 to 1/2 with 0 for the frame's time; each sample
         has its own. None if the scene does not move while the shutter is open.
     part : the part of a picture that is drawn; `ready` is then that of `prepared_part`.
+    grids : the inputs of another plan of the frame, for a picture within a budget that is drawn grid by grid.
     """
 
     def __init__(
@@ -71,7 +72,9 @@ class Drawing:
         budget: Budget | None = None,
         at: Callable[[float], FrameInputs] | None = None,
         part: PicturePart | None = None,
+        grids: Callable[[Prepared], FrameInputs] | None = None,
     ) -> None:
+        self.grids = grids
         self.resources, self.ready, self.inputs, self.size = resources, ready, inputs, size
         self.history, self.budget, self.at, self.part = history, budget, at, part
         self._before_last = 0.0  # milliseconds of the frame up to the passes that follow those that add light
@@ -80,8 +83,6 @@ class Drawing:
         if part is not None:
             self.carried["u_corner"] = part.box(size)[:2]
         """Uniforms that passes leave to later ones, and the textures that were written last, by name."""
-        if "GRID" in ready.plan.variants:
-            self.carried |= WHOLE.uniforms
         self.kept: dict[str, tuple[Pass, Target]] = {}
         """Passes whose arrays are those of an earlier frame, with their targets, by name."""
 
@@ -90,10 +91,13 @@ class Drawing:
         compared = _compared(self.ready, self.inputs, self.size)
         kept = self.history.begin(compared, self.ready.texts.get("color"), keep)
         interlaced = self._is_interlaced(kept)
+        cells = self.ready.cells
         for key, group in groupby(self.ready.plan.passes, key=partial(_joined, interlaced)):
             passes = tuple(group)
             if key is INTERLACED:
-                yield from Interlaced(self, passes)
+                within = self._in_grids()
+                yield from Interlaced(within)
+                cells = within.ready.cells
                 self._before_last = self.budget.spent if self.budget is not None else 0.0
                 continue
             for turn in TURNS[passes[0].often](self, passes, kept):
@@ -101,14 +105,15 @@ class Drawing:
                     for part in self._parts(chosen, turn):
                         yield from self._drawn(chosen, part)
         if interlaced and self.budget is not None:
-            self.ready.cells.followed(self.budget.spent - self._before_last)
+            cells.followed(self.budget.spent - self._before_last)
         elif self.budget is not None and self._before_last and self._added:
             self.ready.pace.followed((self.budget.spent - self._before_last) / math.prod(self.size))
 
     def _is_interlaced(self, kept: bool) -> bool:
         """True if the picture is drawn grid by grid. One that is complete, and was not, stays."""
         history, plan = self.history, self.ready.plan
-        if "GRID" not in plan.variants or "color" not in self.ready.texts:
+        able = plan.marching.resumed and marching.interlaced(plan.scene)
+        if not able or self.grids is None or "color" not in self.ready.texts:
             return False
         whole = kept and history.march.arrived and not history.grid.used
         if self.budget is not None and self.budget.interlaced and not whole:
@@ -116,6 +121,13 @@ class Drawing:
         if history.grid.used:
             history.grid, history.march.passes = GridState(), 0
         return False
+
+    def _in_grids(self) -> Drawing:
+        ready, inputs = self.ready.in_grids, self.grids
+        assert inputs is not None
+        found = Drawing(self.resources, ready, inputs(ready), self.size, self.history, self.budget)
+        found.carried, found.kept = self.carried, self.kept
+        return found
 
     def _parts(self, chosen: Pass, turn: Turn) -> Iterator[Turn]:
         """The draws of a pass in a turn. A pass that adds samples of light is drawn until all are added, or the time is

@@ -20,16 +20,13 @@ class GridState:
     """A picture within a budget of time, as far as it is drawn; see `raymarch.gpu.interlaced`.
 
     used : whether the last picture is such a one. order : which grids it has. number : of grids that are complete.
-    passes, steps : of the march of the next grid; all its rays have terminated if `arrived`. drawn : number of the
-    passes after it that are complete. cells : of the next pass that are drawn. rows : of its grid that are shown.
+    drawn : number of passes of the next grid that are complete. cells : of the next pass that are drawn. rows : of its
+    grid that are shown.
     """
 
     used: bool = False
     order: int = 0
     number: int = 0
-    passes: int = 0
-    steps: int = 0
-    arrived: bool = False
     drawn: int = 0
     cells: int = 0
     rows: int = 0
@@ -40,7 +37,7 @@ class GridState:
 
     def next_grid(self) -> None:
         """All passes of a grid are drawn."""
-        self.number, self.passes, self.steps, self.arrived, self.drawn = self.number + 1, 0, 0, False, 0
+        self.number, self.drawn = self.number + 1, 0
 
 
 @dataclass(slots=True)

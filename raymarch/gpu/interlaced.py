@@ -7,7 +7,7 @@ as its time allows, and what was drawn is never drawn again.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -85,15 +85,15 @@ def band(at: int, count: int, size: Size) -> tuple[tuple[int, int, int, int], in
 class Interlaced:
     """The draw calls of some passes of a frame within its budget. Updates `history.grid` as if they were drawn.
 
-    The first frame draws the first grid, whatever the budget: there is a picture. A march pass takes as many steps as
-    all before, since few rays are left to it.
+    The first frame draws the first grid, whatever the budget: there is a picture.
+
+    drawing : the frame, by a plan that takes all steps of a ray in one pass.
     """
 
-    def __init__(self, drawing: Drawing, passes: Sequence[Pass]) -> None:
+    def __init__(self, drawing: Drawing) -> None:
         self.drawing = drawing
         self.state, self.pace = drawing.history.grid, drawing.ready.cells
-        self.march = next(each for each in passes if each.often == "steps")
-        self.shading = [each for each in passes if each.often != "steps"]
+        self.passes = [each for each in drawing.ready.plan.passes if each.often != "level" and each.effect is None]
         self._latest: Target | None = None
         self._begins, self._any = not self.state.used, False
         if self._begins:
@@ -107,12 +107,12 @@ class Interlaced:
             grid = self.grids[state.number]
             if 0 not in grid.size(self.drawing.size):
                 yield from self._grid(grid)
-                if state.drawn < len(self.shading):
+                if state.drawn < len(self.passes):
                     break
                 self.pace.covered()
             state.next_grid()
         self.drawing.history.march.arrived = state.number == len(self.grids)
-        for chosen in self.shading:
+        for chosen in self.passes:
             if self._is_shown(chosen):
                 target = self._whole(chosen)
                 self.drawing.kept.setdefault(chosen.name, (chosen, target))
@@ -131,6 +131,10 @@ class Interlaced:
     def _is_shown(self, chosen: Pass) -> bool:
         return bool(chosen.outputs) or "u_color" in chosen.writes
 
+    def _is_final(self, chosen: Pass, grid: Grid) -> bool:
+        """True if a pass draws the whole picture itself: all its pixels are in one grid."""
+        return grid is WHOLE and self._is_shown(chosen) and not chosen.history
+
     def _whole(self, chosen: Pass) -> Target:
         """The target of the whole picture."""
         drawing = self.drawing
@@ -138,28 +142,16 @@ class Interlaced:
 
     def _grid(self, grid: Grid) -> Iterator[DrawCall]:
         """The rest of the passes of a grid, as far as they fit into the budget."""
-        state, drawing, most = self.state, self.drawing, self.drawing.ready.plan.marching.steps
-        drawing.carried |= grid.uniforms
-        size, fewest = grid.size(drawing.size), drawing.ready.plan.scene.quality.steps_per_pass
-        assert fewest is not None
+        state = self.state
+        self.drawing.carried |= grid.uniforms
+        size = grid.size(self.drawing.size)
         self._recall(grid)
-        while not state.arrived:
-            steps = min(max(fewest, state.steps), most - state.steps)
-            end = state.steps + steps == most
-            own = {"march_steps": steps, "u_begin": state.steps == 0, "u_end": end}
-            yield from self._bands(self.march, state.passes, size, own)
-            if state.cells < _cells(size):
-                return
-            state.next_pass()
-            state.passes, state.steps = state.passes + 1, state.steps + steps
-            pair = drawing.pair_of(self.march) + self._suffix
-            state.arrived = end or not drawing.resources.count_active(pair)
-        while state.drawn < len(self.shading):
-            chosen = self.shading[state.drawn]
-            yield from self._bands(chosen, 0, size, self._own(chosen))
+        while state.drawn < len(self.passes):
+            chosen = self.passes[state.drawn]
+            yield from self._bands(chosen, grid, self._own(chosen))
             done = state.cells == _cells(size)
             rows = size[1] if done else state.cells // -(-size[0] // CELL[0]) * CELL[1]
-            if rows > state.rows and self._is_shown(chosen):
+            if rows > state.rows and self._is_shown(chosen) and not self._is_final(chosen, grid):
                 yield self._fill(chosen, grid, rows)
                 state.rows = rows
             if not done:
@@ -167,15 +159,10 @@ class Interlaced:
             state.next_pass()
             state.drawn += 1
 
-    @property
-    def _suffix(self) -> str:
-        return f" {self.state.number}"
-
     def _recall(self, grid: Grid) -> None:
         """Let the next passes read those of the grid that earlier frames drew."""
-        marched = [self.march] if self.state.passes else []
-        for chosen in (*marched, *self.shading[: self.state.drawn]):
-            for _ in self._draw(chosen, grid.size(self.drawing.size), None, {}):
+        for chosen in self.passes[: self.state.drawn]:
+            for _ in self._draw(chosen, grid, None, {}):
                 pass
 
     def _own(self, chosen: Pass) -> dict[str, Any]:
@@ -185,27 +172,27 @@ class Interlaced:
         once = {"u_jitter": (0.0, 0.0), "u_sample": 0, "u_keep": False, "u_still": False}
         return {**once, "u_first_sample": 0, "u_end_sample": count}
 
-    def _bands(self, chosen: Pass, number: int, size: Size, uniforms: dict[str, Any]) -> Iterator[DrawCall]:
+    def _bands(self, chosen: Pass, grid: Grid, uniforms: dict[str, Any]) -> Iterator[DrawCall]:
         """Bands of a pass, until all its cells are drawn or the time is over."""
-        state, budget, key = self.state, self.drawing.budget, (chosen.name, number)
+        state, budget, size = self.state, self.drawing.budget, grid.size(self.drawing.size)
         assert budget is not None
         most = _cells(size)
         while state.cells < most:
             count = most if self._begins and state.number == 0 else 0
-            count = count or self.pace.fitting(key, most - state.cells, budget, drawn=self._any)
+            count = count or self.pace.fitting(chosen.name, most - state.cells, budget, drawn=self._any)
             if not count:
                 return
             tile, count = band(state.cells, count, size)
             last = state.cells + count == most
-            yield from self._draw(chosen, size, tile, uniforms, last=last)
+            yield from self._draw(chosen, grid, tile, uniforms, last=last)
             if budget.last is not None:
-                self.pace.add(key, count, budget.last)
+                self.pace.add(chosen.name, count, budget.last)
             state.cells, self._any = state.cells + count, True
 
     def _draw(
         self,
         chosen: Pass,
-        size: tuple[int, int],
+        grid: Grid,
         tile: tuple[int, int, int, int] | None,
         uniforms: Mapping[str, Any],
         *,
@@ -215,9 +202,15 @@ class Interlaced:
 
         last : whether this is the last tile.
         """
-        drawing, grid = self.drawing, self._suffix
-        pair = drawing.resources.pair(drawing.pair_of(chosen) + grid, size, chosen.textures) if chosen.history else None
-        target = pair.back if pair else drawing.resources.target(chosen.name + grid, size, chosen.textures)
+        drawing, size, suffix = self.drawing, grid.size(self.drawing.size), f" {self.state.number}"
+        name, pair = drawing.pair_of(chosen) + suffix, None
+        if self._is_final(chosen, grid):
+            target = self._whole(chosen)
+        elif chosen.history:
+            pair = drawing.resources.pair(name, size, chosen.textures)
+            target = pair.back
+        else:
+            target = drawing.resources.target(chosen.name + suffix, size, chosen.textures)
         if tile is not None:
             program, compiling = drawing.resources.program(drawing.ready, chosen.name)
             read = {name: (pair.front, i) for i, name in enumerate(chosen.history)} if pair else {}

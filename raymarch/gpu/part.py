@@ -82,7 +82,7 @@ def prepared_part(made: Plan) -> Prepared:
             legal="a picture drawn whole, up to 16777216 pixels, or post=[]",
             where=scene.post[0].where,
         )
-    return assembled(made, part=True)
+    return assembled(made, "PART")
 
 
 def covering(box: Box, whole: tuple[int, int], levels: tuple[Level, ...]) -> list[Box]:

@@ -6,12 +6,12 @@ import hashlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.errors import Doubt, SceneError
+from raymarch.errors import DeviceError, Doubt, SceneError
 from raymarch.expr.arrays import Remembered, bound, bound_values, evaluator_of
 from raymarch.expr.branches import UNSEEN
 from raymarch.expr.convert import described, short
@@ -22,10 +22,11 @@ from raymarch.gpu.budget import CellPace, LightPace
 from raymarch.gpu.camera_field import CameraField
 from raymarch.gpu.program import FULL_SCREEN, RAYS, Elements
 from raymarch.gpu.slices import Slice
-from raymarch.plan import OUTPUTS, Plan, lights, marching, plan, relit
+from raymarch.plan import OUTPUTS, Plan, lights, plan, relit
 from raymarch.plan.device import DeviceClass
 from raymarch.plan.hoisting import with_hoisted
 from raymarch.plan.live_lights import LiveLights
+from raymarch.plan.marching import interpolated
 from raymarch.plan.passes import DRAWN, TALLIES
 from raymarch.scene.camera import Pose
 from raymarch.scene.legal import violations
@@ -34,6 +35,9 @@ from raymarch.scene.quality import SINGLE_PASS
 from raymarch.scene.scene import Scene
 from raymarch.shader import Shader, assemble
 from raymarch.shader.assemble import assemble_effect
+
+if TYPE_CHECKING:
+    from raymarch.gpu.context import Context
 
 Result = TypeVar("Result")
 
@@ -90,6 +94,14 @@ class Prepared:
         listed = (f"{name}\0{text}\0" for name, text in sorted(self.texts.items()))
         return self._once("digest", None, lambda: hashlib.sha256("".join(listed).encode()).digest())
 
+    @property
+    def in_grids(self) -> Prepared:
+        """The same picture, for draws of some of its pixels that take all steps of a ray at once."""
+        made = self.plan
+        marching = replace(made.marching, steps_per_pass=None)
+        passes = [each for each in made.passes if each.often != "steps"]
+        return self._once("grids", None, lambda: assembled(replace(made, marching=marching, passes=passes), "GRID"))
+
     def _once(self, name: str, key: Any, make: Callable[[], Result]) -> Result:
         """The last result of a name, made again if its key has changed."""
         known = self._kept.get(name)
@@ -115,12 +127,12 @@ def prepare(
     return assembled(plan(scene, passes_for(outputs), size, device=device, live=live))
 
 
-def assembled(made: Plan, part: bool = False) -> Prepared:
-    """Assemble the shader of a plan. part : True to draw parts of a picture."""
-    shader = assemble(made, part=part)
+def assembled(made: Plan, variant: str = "") -> Prepared:
+    """Assemble the shader of a plan. variant : "PART" to draw parts of a picture, "GRID" to draw some of its pixels."""
+    shader = assemble(made, variant=variant)
     effects = {chosen.name: assemble_effect(chosen) for chosen in made.passes if chosen.effect is not None}
     texts = {chosen.name: effects.get(chosen.name, shader).text(chosen.name) for chosen in made.passes}
-    vertex = RAYS if marching.interpolated(made.scene) else FULL_SCREEN
+    vertex = RAYS if interpolated(made.scene) else FULL_SCREEN
     start = made.seen or made.field
     distance = None if without_twin(start.body) else evaluator_of(start)
     given = made.scene
@@ -192,6 +204,16 @@ def drawn_for(scene: Scene, outputs: Sequence[Wanted]) -> Scene:
         return scene
     quality = scene.quality.replace(**SINGLE_PASS, samples=1)
     return scene if quality == scene.quality and not scene.post else scene.replace(post=[], quality=quality)
+
+
+def refuse_lacking(ready: Prepared, context: Context) -> None:
+    """DeviceError if a driver lacks an extension that a pass needs."""
+    for chosen in ready.plan.passes:
+        if chosen.extension and chosen.extension not in context.gl.extensions:
+            raise DeviceError(
+                f"{chosen.name}: {context.driver.renderer} has no {chosen.extension}",
+                legal=f"a driver with {chosen.extension}, such as Mesa's or NVIDIA's for most GPUs",
+            )
 
 
 def frame_uniforms(

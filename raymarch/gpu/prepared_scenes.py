@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from raymarch.gpu.part import prepared_part
-from raymarch.gpu.prepare import Prepared, Wanted, assembled, passes_for, with_lights
+from raymarch.gpu.prepare import Prepared, Wanted, assembled, drawn_for, passes_for, with_lights
 from raymarch.gpu.resource_cache import ResourceCache, check_compile_time
 from raymarch.plan import Plan, marched_otherwise, marching, plan
 from raymarch.plan.live_lights import LightMemory, LiveLights
@@ -28,13 +28,14 @@ class PreparedScenes:
         self._lights = LightMemory()
         self._versions: OrderedDict[tuple[Any, ...], Prepared] = OrderedDict()
         self._last: tuple[Scene, tuple[Any, ...], Prepared] | None = None
+        self._another: tuple[Scene, Scene] | None = None
 
     def of(self, scene: Scene, outputs: Sequence[Wanted], size: tuple[int, int], part: bool = False) -> Prepared:
         """The plan and shader of a scene, from the cache if possible.
 
         size : of the whole picture. part : True for a shader that draws parts of it.
         """
-        passes = passes_for(outputs)
+        scene, passes = self.drawn_for(scene, outputs), passes_for(outputs)
         asked = (tuple(passes), size, part)
         if self._last is not None and self._last[0] is scene and self._last[1] == asked:
             return self._last[2]
@@ -45,6 +46,14 @@ class PreparedScenes:
             self._add(key, found)
         self._last = (scene, asked, found)  # large scenes take long to hash
         return found
+
+    def drawn_for(self, scene: Scene, outputs: Sequence[Wanted]) -> Scene:
+        """See `raymarch.gpu.prepare.drawn_for`. The last one that differs is kept: large scenes take long to hash."""
+        if (found := drawn_for(scene, outputs)) is scene:
+            return scene
+        if self._another is None or self._another[0] is not scene:
+            self._another = scene, found
+        return self._another[1]
 
     def _fresh(self, scene: Scene, asked: tuple[tuple[str, ...], tuple[int, int], bool]) -> Prepared:
         """A scene that is not known. One that differs from a known one in its lights alone may keep the shader."""

@@ -26,7 +26,7 @@ from raymarch.gpu.frame import Frame, Timing, not_rendered
 from raymarch.gpu.frame_inputs import FrameInputs
 from raymarch.gpu.history import History
 from raymarch.gpu.part import Picture, PicturePart
-from raymarch.gpu.prepare import Prepared, Wanted, drawn_for, frame_uniforms, name_of
+from raymarch.gpu.prepare import Prepared, Wanted, frame_uniforms, name_of, refuse_lacking
 from raymarch.gpu.prepared_scenes import PreparedScenes
 from raymarch.gpu.program import Program, in_pass
 from raymarch.gpu.progress import told
@@ -95,7 +95,6 @@ class Renderer:
         self.planned_for: tuple[int, int] | None = None
         self._prepared = PreparedScenes(self.resources)
         self._is_drawing = False
-        self._another: tuple[Scene, Scene] | None = None
         self._edges: WeakKeyDictionary[Program, Edge] = WeakKeyDictionary()
         try:
             self._size = self._target_size(size)
@@ -208,7 +207,7 @@ class Renderer:
         part: PicturePart | None = None,
     ) -> Picture:
         """What a frame shows, once its values are checked."""
-        scene = self._drawn_for(scene, outputs)
+        scene = self._prepared.drawn_for(scene, outputs)
         ready = self.prepared(scene, outputs, part)
         values = set_values(ready.plan.parameters, params, time, scene.where)
         width, height = size = self.size if part is None else part.whole
@@ -234,7 +233,7 @@ class Renderer:
                     what = f"this renderer draws {self.size} now, the frame is {size}"
                     raise DeviceError(what, legal="access the array before `resize`")
                 outputs = [output for output in picture.outputs if name_of(output) == name] or [name]
-                return passes(replace(picture, scene=self._drawn_for(scene, outputs), outputs=outputs))
+                return passes(replace(picture, scene=self._prepared.drawn_for(scene, outputs), outputs=outputs))
 
         unread, timings = passes(picture, progress, within)
         ready, history = self.prepared(scene, picture.outputs, picture.part), self.history
@@ -349,7 +348,8 @@ class Renderer:
         at = self._shutter(ready, picture)
         if at is not None:  # samples depend on values that may have no effect at the frame's time
             inputs = replace(inputs, opening=(ready.plan.given.camera.open_seconds(picture.values), picture.values))
-        return Drawing(self.resources, ready, inputs, self.size, history, budget, at, picture.part)
+        grids = partial(self.inputs, values=picture.values, pose=picture.pose, outputs=picture.outputs)
+        return Drawing(self.resources, ready, inputs, self.size, history, budget, at, picture.part, grids)
 
     def adopt(self, scene: Scene, prepared: Prepared, outputs: Sequence[Wanted] = ("color",)) -> None:
         """Cache a scene that was prepared elsewhere, for example in another thread."""
@@ -360,21 +360,13 @@ class Renderer:
     ) -> Prepared:
         """The plan and shader of a scene, or of parts of its picture, from the cache if possible."""
         size = self.planned_for or self._size if part is None else part.whole
-        return self._prepared.of(self._drawn_for(scene, outputs), outputs, size, part is not None)
-
-    def _drawn_for(self, scene: Scene, outputs: Sequence[Wanted]) -> Scene:
-        """See `drawn_for`. The last one that differs is kept, because large scenes take long to hash."""
-        if (found := drawn_for(scene, outputs)) is scene:
-            return scene
-        if self._another is None or self._another[0] is not scene:
-            self._another = scene, found
-        return self._another[1]
+        return self._prepared.of(scene, outputs, size, part is not None)
 
     def _ready(self, picture: Picture) -> tuple[Prepared, FrameInputs]:
         """The plan of a frame and the inputs of all its passes."""
         self._refuse_closed()
         ready = self.prepared(picture.scene, picture.outputs, picture.part)
-        self._refuse_lacking(ready)
+        refuse_lacking(ready, self.context)
         return ready, self.inputs(ready, picture.values, picture.pose, picture.outputs, picture.size)
 
     def inputs(
@@ -429,14 +421,6 @@ class Renderer:
         progress."""
         if self._is_drawing:
             raise DeviceError(f"{what} was called in the middle of a frame", legal="after it, or on another Renderer")
-
-    def _refuse_lacking(self, ready: Prepared) -> None:
-        for chosen in ready.plan.passes:
-            if chosen.extension and chosen.extension not in self.context.gl.extensions:
-                raise DeviceError(
-                    f"{chosen.name}: {self.context.driver.renderer} has no {chosen.extension}",
-                    legal=f"a driver with {chosen.extension}, such as Mesa's or NVIDIA's for most GPUs",
-                )
 
     def _passes(
         self, picture: Picture, history: History, progress: Progress | None = None, within: float = np.inf

@@ -133,9 +133,9 @@ class Quality(Value):
         same, each frame adds its samples to the mean. "reproject": the same, and while the camera or the scene moves,
         earlier samples are reprojected.
     steps_per_pass : maximum number of steps of a ray in one pass, 4 to 60,000. The next pass resumes the march, until
-        the ray ends or has taken `max_steps`. Of a frame with a time budget and temporal="accumulate": that of the
-        first pass, and later ones double it; what does not fit follows in the next frame, while the picture stays the
-        same. None: one pass. Only with samples=1.
+        the ray ends or has taken `max_steps`. A frame with a time budget and
+        temporal="accumulate" draws some pixels with all their steps instead, and the others in the next frames, while
+        the picture stays the same. None: one pass. Only with samples=1.
     lights_per_pass : number of samples of light that one pass adds to the colour of surfaces in a frame with a time
         budget, 1 to 60,000, or "auto" for as many as fit into the budget, by the times of the passes before. A light is
         one sample, or `light_samples` of them; so is each step of AmbientOcclusion. Further passes add the next ones,

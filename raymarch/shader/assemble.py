@@ -123,17 +123,18 @@ def assemble(
     inputs: Mapping[str, str] = MappingProxyType({}),
     constants: frozenset[str] = frozenset(),
     places: Mapping[str, Place] = MappingProxyType({}),
-    part: bool = False,
+    variant: str = "",
 ) -> Shader:
     """The shader of a plan.
 
     inputs : for a standalone plan, GLSL expressions that replace uniforms, by the name of the uniform.
     constants : names of sampled data, tables and `u_lights` that the caller declares as constants, not as textures.
     places : pictures that are parts of an atlas. {} makes atlases if there are more textures than texture units.
-    part : True for a shader that draws parts of a picture, with the coordinates of the whole picture.
+    variant : "PART" for a shader that draws parts of a picture, "GRID" for one that draws some pixels of it, with the
+        coordinates of the whole picture.
     """
     passes = [p for p in plan.passes if p.effect is None]
-    variants = plan.variants | ({"PART"} if part else set())
+    variants = plan.variants | ({variant} if variant else set())
     mains = [module(p.module, variants) for p in passes]
     values = Values()
     shade = shading(plan, values) if any(p.shades for p in passes) else None
@@ -174,7 +175,7 @@ def assemble(
         found = {} if places else packed(pictures, too_many)
         if not found:
             raise _too_many_textures(plan, too_many + TEXTURE_UNITS)
-        return assemble(plan, inputs, constants, found, part)
+        return assemble(plan, inputs, constants, found, variant)
     body = trimmed([*body, *_main(mains)], frozenset({tally.COUNT}).union(*(chunk.gives for chunk in mains)))
     body = tally.tallied(body) if plan.tallies else body
     unread = {name for name in text.samples if sum(name in line.text for line in body) == 1} - constants
