@@ -44,7 +44,7 @@ OPTIONS = _keys(
         "--gpu --cuda --headless --egl --cpu --software": "--backend NAME|--device N",
         "--threads --jobs --processes -j": "--cluster local",
         "--preset --settings-preset": "--quality NAME",
-        "--accuracy --max-error --precision": "--error 0.5px|--tolerance 0.05px",
+        "--accuracy --max-error --precision --within": "--error 0.5px|--tolerance 0.05px",
         "--max-time --limit --timeout": "--within 16ms",
         "--shader": "--glsl|-o FILE.glsl",
         "--reload --watch --hot-reload": "nothing: the window reloads a saved file",

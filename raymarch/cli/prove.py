@@ -73,6 +73,8 @@ def run(
         write(json, lambda partial: partial.write_text(json_format.dumps(found.as_dict(), indent=2) + "\n"))
     out = Output()
     out.print(str(found), markup=False)
+    if shadows and not found.shadows:
+        out.print("  no light has a hard shadow")
     for reason, count in found.reasons.items():
         out.print(f"  {count:,} open: {reason}", markup=False)
     for what in found.as_dict()["contradictions"][:10]:

@@ -168,7 +168,8 @@ class Blend:
         self._corner, self._edge = lower, float(np.max(upper - lower))
         self._numbers: list[dict[int, int]] = [{} for _ in range(DEEPEST + 1)]
         self._kept: list[Whole] = [np.arange(len(tree.leaves))]
-        self._ranges: list[tuple[float, float]] = [(-np.inf, np.inf)]
+        self._ranges = np.array([[-np.inf, np.inf]])
+        self._count = np.array([len(tree.leaves)])
 
     def enclose(self, points: Span) -> Span:
         """The value on some stretches. Those with too many operands, and in cells without a surface, have the range of
@@ -177,9 +178,9 @@ class Blend:
         jumps, now.jumps = now.jumps, None  # the operands depend on the stretches, and with them the jumps
         ends = [np.broadcast_to(end, (n, 3)) for end in (points.low, points.high, *points.at, *(points.slope or ZERO))]
         cells = self._cells(ends[0], ends[1])
-        low, high = np.array(self._ranges)[cells].T
+        low, high = self._ranges[cells].T
         result = np.stack([low, high, low, high, np.full(n, -np.inf), np.full(n, np.inf)])
-        count = np.array([len(each) for each in self._kept])[cells]
+        count = self._count[cells]
         asked = np.flatnonzero((low <= 0.0) & (high >= 0.0) & (count <= MOST))
         if len(asked):
             owner, leaves = self._pairs(cells[asked])
@@ -200,8 +201,8 @@ class Blend:
 
     def _pairs(self, cells: Whole) -> tuple[Whole, Whole]:
         """The operands of cells: the position in `cells` and the operand of each."""
-        kept = [self._kept[cell] for cell in cells]
-        return np.repeat(np.arange(len(cells)), [len(each) for each in kept]), np.concatenate(kept)
+        kept = np.concatenate([self._kept[cell] for cell in cells])
+        return np.repeat(np.arange(len(cells)), self._count[cells]), kept
 
     def _operands(self, ends: Sequence[Array], operands: Whole, before: Array, behind: Array) -> Array:
         """The ends of the values of N operands, each on a stretch of its own: as of `_span`, (6, N)."""
@@ -238,9 +239,8 @@ class Blend:
         with np.errstate(divide="ignore", invalid="ignore"):
             levels = np.floor(np.log2(self._edge / np.max(high - low, axis=1)))
         for level in range(1, DEEPEST + 1):
-            ranges = np.array(self._ranges)[cell]
-            count = np.array([len(each) for each in self._kept])[cell]
-            open_ = (levels >= level) & (count > FEW) & (ranges[:, 0] <= 0.0) & (ranges[:, 1] >= 0.0)
+            ranges = self._ranges[cell]
+            open_ = (levels >= level) & (self._count[cell] > FEW) & (ranges[:, 0] <= 0.0) & (ranges[:, 1] >= 0.0)
             rows = np.flatnonzero(open_)
             place = np.floor((low[rows] - self._corner) / (self._edge / 2**level))
             corner, end = self._box(level, place)
@@ -253,7 +253,7 @@ class Blend:
             codes, which, of = np.unique(place @ CODE, return_index=True, return_inverse=True)
             new = np.array([code not in self._numbers[level] for code in codes], bool)
             codes_, places, parents = codes[new], place[which[new]] - 2.0, cell[rows[which[new]]]
-            parts = np.cumsum([len(self._kept[parent]) for parent in parents]) // PAIRS
+            parts = np.cumsum(self._count[parents]) // PAIRS
             for some in np.split(np.arange(len(parents)), np.flatnonzero(np.diff(parts)) + 1):
                 if len(some):
                     self._make(level, codes_[some], places[some], parents[some])
@@ -292,7 +292,8 @@ class Blend:
         counts = np.bincount(owners[kept], minlength=len(codes))
         self._numbers[level] |= zip(codes.tolist(), range(len(self._kept), len(self._kept) + len(codes)), strict=True)
         self._kept += np.split(operands[kept], np.cumsum(counts)[:-1])
-        self._ranges += zip(*values.tolist(), strict=True)
+        self._ranges = np.concatenate([self._ranges, values.T])
+        self._count = np.concatenate([self._count, counts])
 
 
 CODE = np.array([1, 1 << 20, 1 << 40])

@@ -133,6 +133,7 @@ MIN, MAX = (
     _each(lambda a, b: (np.maximum(a[0], b[0]), np.maximum(a[1], b[1])), _greatest_slope),
 )
 ADD = _each(r.add, lambda a, b, _result: _plus(a.slope, b.slope))
+NEAR_ADD = _each(r.near_sum, lambda a, b, _result: _plus(a.slope, b.slope))
 SUB, MUL, DIV = _each(r.sub, _minus), _each(r.mul, _product_slope), _each(r.div, _quotient_slope)
 SQUARE = _each(r.square, _of_one(lambda a, _result: (2.0 * a[0], 2.0 * a[1])))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -27,6 +26,12 @@ from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.scene import Scene, as_scene
 from raymarch.scene.shown import Shown
 from raymarch.sdf.node import Node
+
+SIZE = (320, 180)
+"""Default size of a picture that is rendered."""
+
+MOST = 1 << 24
+"""Most pixels of a proof."""
 
 COLORS = {PROVED: (58, 110, 84), CONTRADICTED: (214, 40, 40), OPEN: (240, 190, 60)}
 
@@ -103,10 +108,12 @@ class Proof:
     def __str__(self) -> str:
         height, width = self.state.shape
         what = self.tolerance.replace("px", " px")
-        parts = [
-            f"{self.proved:,} of {self.state.size:,} pixels proved at {width}x{height}: nothing deeper than {what} "
-            f"lies more than {what} before the hit, and the surface is within {what} of it"
-        ]
+        said = (
+            f"nothing deeper than {what} lies more than {what} before the hit, and the surface is within {what} of it"
+        )
+        if not np.isfinite(self.depth).any():
+            said = f"no hit is reported, and nothing deeper than {what} lies on the ray"
+        parts = [f"{self.proved:,} of {self.state.size:,} pixels proved at {width}x{height}: {said}"]
         if self.grazing.any():
             parts += [f"for {int(self.grazing.sum()):,} of them in space, but not along the ray, which grazes it"]
         if self.coverage is not None:
@@ -186,7 +193,7 @@ def _finite(number: float) -> float | None:
 def prove(
     scene: Scene | Node,
     frame: Any = None,
-    size: tuple[int, int] = (320, 180),
+    size: tuple[int, int] | None = None,
     tolerance: str | float = "0.05px",
     time: float | None = None,
     params: Mapping[str, ParamValue] | None = None,
@@ -202,8 +209,8 @@ def prove(
     frame : a Frame or a Truth, or any object with `depth`, (H, W): the distance along the ray through the centre of
         each pixel, inf where nothing was hit. None renders the scene. A Frame and a Truth know their solid, its values
         and their camera, unless they were pickled: others than those of this call are refused.
-    size : (width, height) in pixels of the picture that is rendered.
-    tolerance : "0.05px" is a part of the width of a pixel at the hit; a number is a length. Above 0.
+    size : (width, height) in pixels, at most 16,777,216 in all. None is that of the frame, or (320, 180).
+    tolerance : "0.05px" is a part of the width of a pixel at the hit; a number is a length in scene units. Above 0.
     time : seconds. None is the time of the frame, or 0.
     params : values of parameters by name, within their ranges; the others keep their defaults.
     pixels : "whole" also bounds the part of each pixel that the solid covers, by beams around all rays of the pixel.
@@ -218,8 +225,8 @@ def prove(
 
     Raises
     ------
-    SceneError : a frame without depths (H, W) or with NaN, one that shows something else, a tolerance that is not above
-        0, and arguments of another kind or outside their range.
+    SceneError : a frame without depths (H, W) or with NaN, of another size, or that shows something else, a tolerance
+        that is not above 0, and arguments of another kind or outside their range.
 
     Notes
     -----
@@ -234,9 +241,9 @@ def prove(
         raise SceneError(f"prove: progress = {short(progress)}", legal="a function of the fraction done, or None")
     share, length, text = _tolerance(tolerance)
     if frame is None:
-        with Renderer(size) as renderer:
+        with Renderer(_bounded(size or SIZE)) as renderer:
             frame = renderer.render(scene, time or 0.0, params, outputs=("depth",))
-    depth = _depths(frame)
+    depth = _depths(frame, size)
     shape, at = depth.shape, time if time is not None else getattr(frame, "time", 0.0)
     values = set_values(scene.parameters, params, at, scene.where)
     warn_of_values(scene.node, values.params, values.time)
@@ -284,18 +291,25 @@ def _least_beside(depth: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.lib.stride_tricks.sliding_window_view(wide, (3, 3)).min(axis=(2, 3)))
 
 
+def _bounded(size: tuple[int, int]) -> tuple[int, int]:
+    """A size whose rays and verdicts fit into memory; the renderer refuses what is no size."""
+    if np.size(size) == 2 and float(size[0]) * float(size[1]) > MOST:
+        raise SceneError(f"prove: size = {short(size)}", legal=f"at most {MOST:,} pixels, which take some 6 GB")
+    return size
+
+
 def _tolerance(within: Any) -> tuple[float | None, float, str]:
     """A share of the pixel or None, a length, and the text of a tolerance."""
-    legal = 'a share of a pixel such as "0.05px", or a length, above 0'
-    found = re.fullmatch(r"\s*([0-9.eE+-]+)\s*(px)?\s*", within if isinstance(within, str) else repr(within))
+    legal = 'a share of a pixel such as "0.05px", or a length such as 0.01 in the scene\'s unit, above 0'
+    given = within.strip() if isinstance(within, str) else within
+    shared = isinstance(given, str) and given.endswith("px")
     try:
-        number = float(found[1]) if found else np.nan
-    except ValueError:
+        number = np.nan if isinstance(given, bool) else float(given.removesuffix("px") if shared else given)
+    except (TypeError, ValueError):
         number = np.nan
-    if not (0.0 < number < np.inf) or isinstance(within, bool):
+    if not (0.0 < number < np.inf):
         raise SceneError(f"prove: tolerance = {short(within)}", legal=legal)
-    assert found is not None
-    return (number, 0.0, f"{found[1]}px") if found[2] else (None, number, found[1])
+    return (number, 0.0, f"{number:g}px") if shared else (None, number, f"{number:g}")
 
 
 def _refuse_other(frame: Any, asked: Shown) -> None:
@@ -306,12 +320,18 @@ def _refuse_other(frame: Any, asked: Shown) -> None:
         raise SceneError(f"prove: the frame {differs}", legal=legal)
 
 
-def _depths(frame: Any) -> NDArray[np.float64]:
+def _depths(frame: Any, size: tuple[int, int] | None) -> NDArray[np.float64]:
     legal = "a Frame, or an object with depth (H, W), inf where nothing was hit"
-    depth = numbers("prove: depth of the frame", getattr(frame, "depth", None), legal)
+    if not hasattr(frame, "depth"):
+        raise SceneError(f"prove: frame = {short(frame)}, which has no depth", legal=legal)
+    depth = numbers("prove: depth of the frame", frame.depth, legal)
     if depth.ndim != 2 or not depth.size:
         raise SceneError(f"prove: depth of shape {depth.shape}", legal=legal)
+    if size is not None and depth.shape != tuple(size)[::-1]:
+        what = f"prove: depth of {depth.shape[1]}x{depth.shape[0]} pixels for size = {short(size)}"
+        raise SceneError(what, legal="no size beside a frame, or the frame's (width, height)")
     if np.isnan(depth).any() or (depth < 0.0).any():
         bad = "NaN" if np.isnan(depth).any() else "below 0"
         raise SceneError(f"prove: {int((~(depth >= 0.0)).sum()):,} depths are {bad}", legal=legal)
+    _bounded(depth.shape[::-1])
     return depth

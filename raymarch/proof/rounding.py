@@ -96,6 +96,8 @@ def mul(a: Interval, b: Interval) -> Interval:
     low = np.fmin(np.fmin(corners[0], corners[1]), np.fmin(corners[2], corners[3]))
     high = np.fmax(np.fmax(corners[0], corners[1]), np.fmax(corners[2], corners[3]))
     low, high = outward(low, high)
+    if np.all(a[0]) and np.all(b[0]):
+        return low, high
     zero = ((a[0] == 0.0) & (a[1] == 0.0)) | ((b[0] == 0.0) & (b[1] == 0.0))  # 0 times anything that is finite is 0
     return np.where(zero, 0.0, low), np.where(zero, 0.0, high)
 

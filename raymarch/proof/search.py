@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from raymarch.proof.parts import Operands
 from raymarch.proof.rays import Rays, Stretch, Whole
-from raymarch.proof.rounding import Array, Interval
+from raymarch.proof.rounding import ULP, Array, Interval, down, up
 
 PROVED, CONTRADICTED, OPEN = 0, 1, 2
 
@@ -38,6 +38,9 @@ AROUND = 96
 
 FIRST = 8
 """Directions of these that are tried before the others."""
+
+FAR = 1e30
+"""A length beyond all rays."""
 
 WITHIN = (1.0, 0.5, 0.25, 0.0, -0.5)
 """Where the change of sign is looked for, in tolerances behind the hit."""
@@ -149,7 +152,7 @@ def free(
         verdict.evaluations += np.bincount(now.rays, minlength=len(given))
         last = now.end >= free_to[now.rays]
         centre = np.where(last, now.end, 0.5 * (now.start + now.end))
-        range_, at, _ = given.operands.enclose(given.rays, now, centre)
+        range_, at, slope = given.operands.enclose(given.rays, now, centre)
         is_free = range_[0] > 0.0
         length = now.end - now.start
         in_solid = ~is_free & (at[1] < 0.0)
@@ -169,15 +172,35 @@ def free(
         stop |= (length <= shortest[now.rays]) | (verdict.evaluations[now.rays] > most)
         left.append(now[~is_free & stop])
         np.minimum.at(stuck, left[-1].rays, left[-1].start)
-        go = now[~is_free & ~stop]
+        go = np.flatnonzero(~is_free & ~stop)
         if len(go):
-            pending.append(go.halved())
+            pending.append(_rest(now[go], centre[go], at[0][go], (slope[0][go], slope[1][go])))
         if progress is not None:
             open_ = np.unique(np.concatenate([_NONE, *(part.rays for part in pending)]))
             progress(1.0 - len(open_) / len(given))
     verdict.left = Stretch.joined(left)
     np.minimum.at(verdict.low, verdict.left.rays, verdict.left.start)
     return Stretch.joined(thin)
+
+
+def _rest(some: Stretch, centre: Array, value: Array, slope: Interval) -> Stretch:
+    """What is left of stretches without the part around the centre that is free: there the least value at the centre
+    is above 0, and the steepest fall from it does not reach 0. In pieces of at most half the length.
+    """
+    back, ahead = (_reach(value, fall) for fall in (slope[1], -slope[0]))
+    before = Stretch(some.rays, some.operands, some.start, np.clip(up(centre - back), some.start, centre))
+    behind = Stretch(some.rays, some.operands, np.clip(down(centre + ahead), centre, some.end), some.end)
+    rest, half = Stretch.joined([before, behind]), np.tile(0.5 * (some.end - some.start), 2)
+    length = rest.end - rest.start
+    long = length > half * (1.0 + 4.0 * ULP)
+    return Stretch.joined([rest[(length > 0.0) & ~long], rest[long].halved()])
+
+
+def _reach(value: Array, fall: Array) -> Array:
+    """A length over which a value that falls at most so fast stays above 0."""
+    safe = value > 0.0
+    reach = np.divide(value, fall, out=np.full(len(value), FAR), where=safe & (fall > 0.0))
+    return np.where(safe, np.minimum(down(reach, 4.0 * ULP), FAR), 0.0)
 
 
 def _bounded(value: Interval) -> NDArray[np.bool_]:

@@ -11,7 +11,7 @@ from raymarch.expr.evaluate import Rule
 from raymarch.expr.node import Expr
 from raymarch.expr.types import FLOAT
 from raymarch.proof import rounding as r
-from raymarch.proof.components import ADD, DIV, MAX, MUL, ROOT, SQUARE, SUB, Typed, typed
+from raymarch.proof.components import ADD, DIV, MAX, MUL, NEAR_ADD, ROOT, SQUARE, SUB, Typed, typed
 from raymarch.proof.rounding import ZERO, Array
 from raymarch.proof.span import Span, constant, spanned
 
@@ -39,10 +39,10 @@ def _stacked(parts: Sequence[Span]) -> Span:
 _SCALAR = Typed(FLOAT)
 
 
-def _sum(parts: Sequence[Span]) -> Span:
+def _sum(parts: Sequence[Span], plus: Rule = ADD) -> Span:
     result = parts[0]
     for part in parts[1:]:
-        result = typed(ADD, _SCALAR, result, part)
+        result = typed(plus, _SCALAR, result, part)
     return result
 
 
@@ -59,7 +59,8 @@ def _dot(node: Expr, a: Span, b: Span) -> Span:
 
 def _length(node: Expr, v: Span) -> Span:
     """The slope of a length is at most that of the vector."""
-    found = typed(ROOT, _SCALAR, _sum([typed(SQUARE, _SCALAR, _part(v, i)) for i in range(_size(node))]))
+    squares = [typed(SQUARE, _SCALAR, _part(v, i)) for i in range(_size(node))]
+    found = typed(ROOT, _SCALAR, _sum(squares, NEAR_ADD))
     if v.slope is None or found.slope is None:
         return found
     parts = [r.square((v.slope[0][..., i], v.slope[1][..., i])) for i in range(_size(node))]

@@ -63,7 +63,7 @@ KEPT = 256
 
 def field_of(scene: Scene, values: Values, node: Node | None = None, rays: str = "camera") -> Field:
     """The field of a scene, or of a node in place of its solid: a `LargeField` if it has many objects."""
-    parts = Parts(scene.node if node is None else node)
+    parts = Parts(scene.node if node is None else node, rays)
     number = len(parts.solids) + sum(len(many.params["rows"]) for many in parts.many)
     if number < MANY and all(len(blend.children) < MANY for blend in parts.blends):
         return Field(scene, values, rays, node)

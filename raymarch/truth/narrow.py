@@ -19,6 +19,7 @@ from raymarch.sdf.instancing import instanced
 from raymarch.sdf.labels import rows_of
 from raymarch.sdf.node import Node
 from raymarch.sdf.rows import Rows
+from raymarch.sdf.visibility import hidden_from
 
 ROWS = 256
 """Rows of a picture whose pixel is the width of the ray: a hit of the picture may lie a pixel beside an object."""
@@ -117,7 +118,8 @@ def _is_moved(template: Node) -> bool:
 
 
 class Parts:
-    """The operands of the outermost unions of a tree, hard ones and blends that end at a distance, through labels.
+    """The operands of the outermost unions of a tree, hard ones and blends that end at a distance, through labels and
+    through `visible` where it shows a solid to rays of the kind `rays`; None is through no `visible`.
 
     Attributes
     ----------
@@ -126,8 +128,8 @@ class Parts:
     blends : the blends of `FEWEST` operands or more, which are looked at one by one.
     """
 
-    def __init__(self, root: Node) -> None:
-        self.root = root
+    def __init__(self, root: Node, rays: str | None = None) -> None:
+        self.root, self._rays = root, rays
         order: list[Node] = topological([root], lambda node: node.children if self._inner(node) else ())
         self._spine = [node for node in order if self._inner(node)]
         ends = [node for node in order if not self._inner(node)]
@@ -135,9 +137,9 @@ class Parts:
         self.blends = [node for node in ends if is_finite_blend(node)]
         self.solids = [node for node in ends if node not in {*self.many, *self.blends}]
 
-    @staticmethod
-    def _inner(node: Node) -> bool:
-        return node.placed_as == "union" or node.label is not None
+    def _inner(self, node: Node) -> bool:
+        shown = self._rays is not None and bool(hidden := hidden_from(node)) and self._rays not in hidden
+        return shown or node.placed_as == "union" or node.label is not None
 
     def part(self, solids: Sequence[Node], kept: Mapping[Node, Whole]) -> Node | None:
         """The tree with some operands only; None for none.
@@ -154,7 +156,7 @@ class Parts:
                 a is b for a, b in zip(children, node.children, strict=True)
             ):
                 made[node] = node
-            elif node.label is not None and children:
+            elif children and (node.label is not None or node.placed_as != "union"):
                 made[node] = _like(node, children)
             else:
                 made[node] = _like(node, children) if len(children) > 1 else next(iter(children), None)

@@ -250,6 +250,8 @@ def test_prove_says_what_is_proved(folder, capsys):
     assert found["proved"] == 576 and found["contradicted"] == found["open"] == 0 and found["tolerance"] == "0.05px"
     with Image.open(folder / "proof.png") as picture:
         assert picture.size == (32, 18)
+    assert run("prove", "hello.py", "--size", "4x3", "--shadows") == 0
+    assert "no light has a hard shadow" in capsys.readouterr().out
     for wrong in (("--tolerance", "0px"), ("--json", "proof.txt"), ("-o", "proof.jpg"), ("--size", "3")):
         assert run("prove", "hello.py", *wrong) == 2
         assert len(capsys.readouterr().err.splitlines()) == 1

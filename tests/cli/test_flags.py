@@ -83,6 +83,7 @@ render a.py --threads 4 | use --cluster local
 render a.py --preset fine | use --quality NAME
 render a.py --max-error 1px | use --error 0.5px
 prove a.py --accuracy 1px | use --tolerance 0.05px
+prove a.py --within 1px | use --tolerance 0.05px
 view a.py --watch | the window reloads a saved file
 render a.py --qualty fine | use --quality
 render a.py --nothing-like-it | No such option: --nothing-like-it (raymarch render --help)

@@ -14,9 +14,11 @@ import pytest
 import raymarch as rm
 from raymarch.errors import SceneError
 from raymarch.gpu.part import PicturePart
+from raymarch.proof.parts import Operands
 from raymarch.scene.parameter import Values
 from raymarch.sdf.definition import cube
 from raymarch.sdf.domain import Positive
+from raymarch.truth.large import field_of
 
 SIZE = (48, 27)
 
@@ -156,12 +158,15 @@ def test_time_and_parameters() -> None:
 @pytest.mark.parametrize(
     ("frame", "within", "words"),
     [
-        (SimpleNamespace(), "0.05px", "depth of the frame"),
+        (SimpleNamespace(), "0.05px", "which has no depth"),
         (with_depth(np.zeros(4)), "0.05px", "shape"),
         (with_depth(np.full((4, 4), np.nan)), "0.05px", "NaN"),
         (with_depth(np.full((4, 4), -1.0)), "0.05px", "below 0"),
         (None, "0px", "above 0"),
         (None, "half", "tolerance"),
+        (None, "5 cm", "a length such as 0.01 in the scene's unit"),
+        (None, "nan px", "tolerance"),
+        (None, None, "tolerance"),
         (None, -1.0, "tolerance"),
     ],
 )
@@ -179,13 +184,28 @@ def test_other_bad_arguments_are_one_line() -> None:
         ({"frame": timed}, "time = 'noon'"),
         ({"params": {"q": 1}}, "unknown parameter 'q'"),
         ({"params": {"r": 9}}, "parameter 'r' = 9"),
-        ({"frame": np.ones((2, 2))}, "depth of the frame = None"),
+        ({"frame": np.ones((2, 2))}, "frame = .*, which has no depth"),
+        ({"size": (3, 2)}, r"depth of 2x2 pixels for size = \(3, 2\)"),
+        ({"frame": None, "size": (16384, 16384)}, r"size = \(16384, 16384\) \(at most 16,777,216 pixels"),
+        ({"frame": None, "size": (8.5, 4)}, "width = 8.5"),
         ({"tolerance": "1e400px"}, "tolerance = '1e400px'"),
         ({"pixels": 3}, "pixels = 3"),
     ):
         with pytest.raises(rm.RaymarchError, match=words) as fault:
             rm.prove(scene, **{"frame": frame, **given})
         assert "\n" not in str(fault.value)
+
+
+def test_sizes_and_tolerances_in_other_forms() -> None:
+    frame = truth_of()
+    for given in ({"size": SIZE}, {"tolerance": " 0.05 px "}, {"tolerance": np.float32(0.01)}, {"tolerance": "0.01"}):
+        assert rm.prove(SCENE, frame, **given).contradicted == 0
+    assert rm.prove(SCENE, frame, tolerance=np.float32(0.25)).tolerance == "0.25"
+
+
+def test_without_a_hit_the_sentence_speaks_of_none() -> None:
+    away = rm.prove(rm.Scene(rm.sphere(), rm.Camera((0, 0, 5), (0, 0, 9))), size=(4, 3))
+    assert "12 of 12 pixels proved at 4x3: no hit is reported, and nothing deeper than 0.05 px" in str(away)
 
 
 def test_a_picture_of_something_else_is_refused() -> None:
@@ -299,3 +319,18 @@ def test_a_value_on_a_border_of_cells(solid: rm.Node) -> None:
     """The remainder of a whole number, and of a value that is one along a whole face: points have both sides, too."""
     found = rm.prove(rm.Scene(solid, rm.Camera((1.2, 1.5, 2.5))), size=(32, 18))
     assert found.share == 1.0 and found.evaluations.mean() < 20
+
+
+def test_hidden_from_shadows_alone_objects_are_asked_one_by_one() -> None:
+    """So a ray asks the objects whose boxes it meets, in place of all."""
+    places = np.random.default_rng(2).uniform(-3, 3, (200, 3))
+    seen = rm.instances(rm.sphere(0.2), places).visible(shadow=False)
+    solid, values = seen | rm.plane(offset=-4), Values({}, 0.0)
+    assert len(Operands(solid, values, "camera", whole=False)) == 201
+    assert len(Operands(solid, values, "shadow", whole=False)) == 2
+    scene = rm.Scene(solid, rm.Camera((0, 1, 9)))
+    plain = scene.replace(node=rm.instances(rm.sphere(0.2), places) | rm.plane(offset=-4))
+    found, other = (rm.prove(each, size=(16, 9)) for each in (scene, plain))
+    assert found.share == 1.0 and np.array_equal(found.evaluations, other.evaluations)
+    points = np.random.default_rng(3).uniform(-4, 4, (50, 3))
+    assert np.array_equal(*(field_of(each, values).distance(points) for each in (scene, plain)))

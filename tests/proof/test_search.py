@@ -1,0 +1,59 @@
+"""What is left of a stretch beside the part around its centre that is free."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.proof.parts import Operands
+from raymarch.proof.rays import Rays, Stretch
+from raymarch.proof.search import _rest
+from raymarch.scene.parameter import Values
+
+
+def test_nothing_that_may_be_0_is_left_out() -> None:
+    """Places in no part are above 0 by exact arithmetic; parts do not overlap, and are at most half as long."""
+    random, count = np.random.default_rng(5), 400
+    start = random.uniform(0.0, 9.0, count)
+    end = start + np.exp2(random.uniform(-30.0, 2.0, count))
+    centre = np.where(np.arange(count) % 3, 0.5 * (start + end), end)
+    value = (end - start) * random.choice([-1.0, 0.0, 1e-3, 0.3, 1.0], count)
+    slope = np.sort(random.choice([-2.0, -0.7, -1e-9, 0.0, 1e-9, 0.4, 3.0], (2, count)), axis=0)
+    slope = np.where(random.random((2, count)) < 0.1, [[-np.inf], [np.inf]], slope)
+    every = np.arange(count)
+    rest = _rest(Stretch(every, every, start, end), centre, value, (slope[0], slope[1]))
+    assert np.all(rest.start < rest.end) and len(rest) < 2 * count
+    for i in every:
+        parts = sorted(zip(rest.start[rest.rays == i], rest.end[rest.rays == i], strict=True))
+        assert all(b - a <= 0.5 * (end[i] - start[i]) + 4.0 * np.spacing(end[i]) for a, b in parts)
+        assert all(before[1] <= after[0] for before, after in pairwise(parts))
+        beside = [np.nextafter(t, s) for a, b in parts for t, s in ((a, 0), (b, 99))]
+        for t in (*np.linspace(start[i], end[i], 9), *beside):
+            if not start[i] <= t <= end[i] or any(a <= t <= b for a, b in parts):
+                continue
+            way = Fraction(t) - Fraction(centre[i])
+            steepest = slope[0][i] if way > 0 else slope[1][i]
+            known = way == 0 or (np.isfinite(steepest) and Fraction(value[i]) + Fraction(steepest) * way > 0)
+            assert value[i] > 0.0 and known
+
+
+@pytest.mark.parametrize(
+    "solid", [rm.box((0.9, 0.5, 0.7)).repeat(2.0, (3, 1, 1)), rm.sphere(0.4).repeat(1.0, (2, 2, 2))]
+)
+def test_values_over_a_jump_lie_within_the_hull_of_the_slopes(solid: rm.Node) -> None:
+    random, count = np.random.default_rng(6), 500
+    origins, way = random.uniform(-2.0, 2.0, (count, 3)), random.normal(size=(count, 3))
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    length = np.exp2(random.uniform(-8.0, 1.0, count))
+    every, zero = np.arange(count), np.zeros(count, np.int64)
+    made = Operands(solid, Values({}, 0.0), "camera", whole=False)
+    _, at, slope = made.enclose(Rays(origins, way), Stretch(every, zero, np.zeros(count), length), 0.5 * length)
+    assert np.isfinite(slope[0]).mean() > 0.5
+    for share in np.linspace(-0.5, 0.5, 11):
+        value = solid.distance(origins + ((0.5 + share) * length)[:, None] * way)
+        ends = [share * length * each for each in slope]
+        assert np.all(value >= at[0] + np.minimum(*ends) - 1e-12) and np.all(value <= at[1] + np.maximum(*ends) + 1e-12)
