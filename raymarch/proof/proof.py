@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
@@ -20,7 +20,7 @@ from raymarch.proof.pixels import coverage
 from raymarch.proof.rays import Whole
 from raymarch.proof.reported import Reported, Solid
 from raymarch.proof.search import CONTRADICTED, OPEN, PROVED
-from raymarch.proof.shadows import Lit, Shadows, hard_lights, lit_pixels, shadows_of
+from raymarch.proof.shadows import Lit, Shadows, lit_pixels, shadows_of
 from raymarch.scene.legal import warn_of_values
 from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.scene import Scene, as_scene
@@ -251,17 +251,21 @@ def prove(
     _refuse_other(frame, Shown(scene.node, values, pose))
     reported = Reported.of(scene, values, pose, shape[::-1], depth.ravel(), (share, length))
     solid = Solid(scene.node, values)
-    verdict, reasons, inside = reported.proved(solid, progress)
+    stages = _stages(progress, 1 + switch("prove: shadows", shadows) + (pixels == "whole"))
+    verdict, reasons, inside = reported.proved(solid, next(stages))
     cast: tuple[Shadows, ...] = ()
-    if switch("prove: shadows", shadows):
-        lit = _lit(scene, values, reported, np.flatnonzero((verdict.state == PROVED) & ~inside))
-        lights = hard_lights(scene, values)
-        pictures = [(i, *lit_pixels(scene, scene.lights[i], shape[::-1], at, params)) for i in lights]
-        cast = shadows_of(scene, values, scene.far(pose, values), lit, pictures)
+    if shadows:
+        lit = _lit(scene, values, reported, np.flatnonzero((verdict.state == PROVED) & ~inside), shape)
+
+        def draw(light: int) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+            return lit_pixels(scene, scene.lights[light], shape[::-1], at, params)
+
+        cast = shadows_of(scene, values, scene.far(pose, values), lit, draw, next(stages))
     covered = None
     if pixels == "whole":
         start, end = reported.start.reshape(shape), reported.end.reshape(shape)
-        covered = coverage(solid.outside, pose, shape[::-1], _least_beside(np.minimum(depth, end)), start, end)
+        near = _least_beside(np.minimum(depth, end))
+        covered = coverage(solid.outside, pose, shape[::-1], near, start, end, next(stages))
     return Proof(
         state=verdict.state.reshape(shape),
         grazing=(verdict.grazing & (verdict.state == PROVED)).reshape(shape),
@@ -279,10 +283,21 @@ def prove(
     )
 
 
-def _lit(scene: Scene, values: Values, reported: Reported, proved: Whole) -> Lit:
+def _stages(progress: Callable[[float], None] | None, count: int) -> Iterator[Callable[[float], None] | None]:
+    """The progress of each of some stages, of equal shares."""
+    for stage in range(count):
+        yield None if progress is None else _stage(progress, stage, count)
+
+
+def _stage(progress: Callable[[float], None], stage: int, count: int) -> Callable[[float], None]:
+    return lambda share: progress((stage + share) / count)
+
+
+def _lit(scene: Scene, values: Values, reported: Reported, proved: Whole, shape: tuple[int, ...]) -> Lit:
     """The hits of proved pixels, from which rays to lights start."""
     proved = proved[np.isfinite(reported.hit[proved])]
-    return Lit.seen(scene.node, values, reported.rays[proved], reported.hit[proved], reported.within[proved], proved)
+    own = (reported.rays[proved], reported.hit[proved], reported.within[proved], proved)
+    return Lit.seen(scene.node, values, *own, shape)
 
 
 def _least_beside(depth: NDArray[np.float64]) -> NDArray[np.float64]:

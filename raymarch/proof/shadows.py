@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +24,7 @@ from raymarch.scene.sky import Sky
 from raymarch.sdf.evaluation import evaluate_gradient
 from raymarch.sdf.labels import relabelled
 from raymarch.sdf.node import Node
-from raymarch.truth.light import incoming
+from raymarch.truth.light import Incoming, incoming
 
 NOT_ASKED = 3
 """The state of a pixel whose shadow is not asked for: no hit is proved there, the light does not reach it, or the
@@ -78,7 +78,7 @@ _WORDS = ((CONTRADICTED, "contradicted"), (OPEN, "open"))
 @dataclass(frozen=True, slots=True, eq=False)
 class Lit:
     """Proved hits: the camera's rays and the distances along them, points, unit normals towards the camera, tolerances,
-    and the pixels they belong to."""
+    the pixels they belong to, and the shape (H, W) of the picture."""
 
     rays: Rays
     points: Array
@@ -86,14 +86,22 @@ class Lit:
     within: Array
     depth: Array
     pixels: NDArray[np.int64]
+    shape: tuple[int, ...]
 
     def __getitem__(self, rows: NDArray[np.int64]) -> Lit:
         own = (self.rays, self.points, self.normals, self.within, self.depth, self.pixels)
-        return Lit(*(each[rows] for each in own))  # type: ignore[arg-type]
+        return Lit(*(each[rows] for each in own), shape=self.shape)  # type: ignore[arg-type, misc]
 
     @classmethod
     def seen(
-        cls, node: Node, values: Values, rays: Rays, depth: Array, within: Array, pixels: NDArray[np.int64]
+        cls,
+        node: Node,
+        values: Values,
+        rays: Rays,
+        depth: Array,
+        within: Array,
+        pixels: NDArray[np.int64],
+        shape: tuple[int, ...],
     ) -> Lit:
         """Hits of rays at some distances."""
         directions = rays.directions
@@ -103,7 +111,7 @@ class Lit:
         side = np.where(np.sum(gradient * directions, axis=1) > 0.0, -1.0, 1.0)
         size = np.linalg.norm(gradient, axis=1)
         normals = gradient * (side / np.where(size > 0.0, size, 1.0))[:, None]
-        return cls(rays, points, normals, within, depth, pixels)
+        return cls(rays, points, normals, within, depth, pixels, shape)
 
 
 def lit_pixels(
@@ -128,23 +136,45 @@ def lit_pixels(
 
 
 def shadows_of(
-    scene: Scene, values: Values, far: float, found: Lit, pictures: Sequence[tuple[int, NDArray[np.bool_], Array]]
+    scene: Scene,
+    values: Values,
+    far: float,
+    found: Lit,
+    draw: Callable[[int], tuple[NDArray[np.bool_], Array]],
+    progress: Callable[[float], None] | None = None,
 ) -> tuple[Shadows, ...]:
-    """The verdicts about the shadows of some lights.
+    """The verdicts about the shadows of all lights that have hard ones.
 
-    far : where camera rays end. pictures : the index of each light, where it reaches the surface, and the depths there.
+    far : where camera rays end. draw : of the index of a light, where it reaches the surface, (H, W), and the depths
+    there; called for lights that may reach a hit.
     """
-    operands = Operands(scene.node, values, "shadow", whole=False)
+    operands, lights = Operands(scene.node, values, "shadow", whole=False), hard_lights(scene, values)
     result = []
-    for index, lit, depth in pictures:
+    for done, index in enumerate(lights):
         light = scene.lights[index]
-        state = np.full(lit.size, NOT_ASKED, np.uint8)
-        same = found[np.flatnonzero(np.abs(depth.ravel()[found.pixels] - found.depth) <= found.within)]
-        if len(same.pixels):
-            drawn = Lit.seen(scene.node, values, same.rays, depth.ravel()[same.pixels], same.within, same.pixels)
-            state[same.pixels] = _verdicts(operands, light, values, far, (same, drawn), lit.ravel()[same.pixels])
-        result.append(Shadows(index, type(light).__name__, state.reshape(lit.shape)))
+        state = np.full(found.shape, NOT_ASKED, np.uint8)
+        if _reached(light, values, far, (found,))[0].any():
+            lit, depth = draw(index)
+            near = np.abs(depth.ravel()[found.pixels] - found.depth) <= found.within
+            same = found[np.flatnonzero(near)]
+            drawn = Lit.seen(
+                scene.node, values, same.rays, depth.ravel()[same.pixels], same.within, same.pixels, found.shape
+            )
+            own = _verdicts(operands, light, values, far, (same, drawn), lit.ravel()[same.pixels])
+            state.ravel()[same.pixels] = own
+        result.append(Shadows(index, type(light).__name__, state))
+        if progress is not None:
+            progress((done + 1) / len(lights))
     return tuple(result)
+
+
+def _reached(
+    light: Light, values: Values, far: float, hits: Sequence[Lit]
+) -> tuple[NDArray[np.bool_], Incoming, Array]:
+    """Which hits a light may reach, with the incident light and the least cosine."""
+    at = incoming(light, values, hits[0].points, far)
+    facing = np.min([np.sum(each.normals * at.direction, axis=1) for each in hits], axis=0)
+    return (facing > FACING) & (at.radiance.max(axis=1) > 0.0), at, facing
 
 
 def _verdicts(
@@ -152,9 +182,8 @@ def _verdicts(
 ) -> NDArray[np.uint8]:
     """hits : those that are proved, and those of the picture of the light. At an edge they may have other normals."""
     found = hits[0]
-    light_at = incoming(light, values, found.points, far)
-    facing = np.min([np.sum(each.normals * light_at.direction, axis=1) for each in hits], axis=0)
-    asked = np.flatnonzero((facing > FACING) & (light_at.radiance.max(axis=1) > 0.0))
+    reached, light_at, facing = _reached(light, values, far, hits)
+    asked = np.flatnonzero(reached)
     state = np.full(len(lit), NOT_ASKED, np.uint8)
     if not len(asked):
         return state

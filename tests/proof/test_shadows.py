@@ -41,6 +41,22 @@ def test_a_sun_and_a_lamp() -> None:
     assert rm.prove(scene(), size=SIZE).shadows == ()
 
 
+def test_a_lamp_out_of_reach_is_not_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So of a thousand lamps with ranges only those are drawn that may light a pixel."""
+    drawn: list[Any] = []
+
+    def noted(given: rm.Scene, light: Any, *more: Any) -> Any:
+        drawn.append(light)
+        return lit_pixels(given, light, *more)
+
+    monkeypatch.setattr(module, "lit_pixels", noted)
+    far, behind = rm.PointLight((0, 9, 0), shadow=True, range=2.0), rm.PointLight((0, -1, 0), shadow=True, range=0.9)
+    shares: list[float] = []
+    found = rm.prove(scene(far, LAMP, behind), size=SIZE, shadows=True, pixels="whole", progress=shares.append)
+    assert drawn == [LAMP] and [each.asked > 0 for each in found.shadows] == [False, True, False]
+    assert shares == sorted(shares) and shares[-1] == 1.0 and any(1 / 3 < share < 2 / 3 for share in shares)
+
+
 def shifted(lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.roll(lit, 2, axis=1)
 
