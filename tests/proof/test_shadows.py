@@ -101,11 +101,13 @@ def test_a_thin_blocker_and_a_light_at_a_surface() -> None:
     assert found.count(CONTRADICTED) == 0
 
 
-def test_what_stands_beside_a_hit_darkens_it() -> None:
-    """Posts a third of a pixel wide: rays to a low sun that start 0.8 pixels along would pass over them."""
+@pytest.mark.parametrize(("width", "rise"), [(0.35, 0.35), (0.25, 0.52), (0.25, 0.6)])
+def test_what_stands_beside_a_hit_darkens_it(width: float, rise: float) -> None:
+    """Posts a third of a pixel wide: rays to a low sun that start 0.8 pixels along would pass over them. Narrower ones
+    lie between the offset and the first sample, which is too near to them to prove that part empty."""
     pixel = 8.0 * 2.0 * np.tan(np.radians(20.0)) / 14.0
-    posts = rm.box((0.35 * pixel, 1.2 * pixel, 3.0 * pixel)).repeat((1.3 * pixel, None, 5.0 * pixel), (12, 1, 4))
-    low = rm.Sun((-0.93, 0.35, 0.03), shadow=True)
+    posts = rm.box((width * pixel, 1.2 * pixel, 3.0 * pixel)).repeat((1.3 * pixel, None, 5.0 * pixel), (12, 1, 4))
+    low = rm.Sun((-np.sqrt(1.0 - rise * rise), rise, 0.03), shadow=True)
     above = rm.Scene(posts | rm.plane(), rm.Camera((0, 8, 0.1), (0, 0, 0)), [low], quality=rm.Quality(analytic=False))
     (found,) = rm.prove(above, size=(25, 14), shadows=True).shadows
     assert found.count(CONTRADICTED) == 0 and found.count(PROVED) > 0.85 * found.asked > 200

@@ -2,11 +2,15 @@
 // `near` is a hit. `near` is below the distance at which the ray starts, and at most half of the first sample, because
 // a bound may be flat there. It grows along the ray with the ulp of the coordinates, and is at most 1/64 of the rest of
 // the ray, so that what touches the light at a cosine above that casts no shadow on it.
+// The first sample proves the ray empty from half an epsilon behind the offset on. If it does not, as beside what
+// stands on the surface, the ray goes back to the offset.
 float hard_shadow(Surface surface, Light light) {
     if (dot(surface.normal, light.direction) <= 0.0 || light.radiance == vec3(0.0)) return 0.0;
     vec2 range;
     Ray ray = shadow_ray(surface, light, range);
     float end = range.y;
+    float start = range.x;
+    float offset = 2.0 * epsilon(surface.p, surface.t);
 #ifdef ANALYTIC
     bool inside = u_side < 0.0;
     if (!inside && solved_hit(ray.origin, ray.direction, left_behind(ray.origin, surface.t)) < end) return 0.0;
@@ -14,9 +18,10 @@ float hard_shadow(Surface surface, Light light) {
 #else
     range = scene_box(ray, range);
 #endif
+    float skipped = range.x > start ? 0.0 : start - offset;  // nothing is before the box
     float near = 0.5 * contact(surface.p, surface.t);
     float rise = clamp(dot(geometric_normal(surface), light.direction), -1.0, 0.999);
-    March at = March(range.x, 0.0, 0.0, 0.0, rise, 0.0, false, false);
+    March at = March(range.x - skipped, 0.0, 0.0, 0.0, rise, 0.0, false, false);
     float slope = 0.0;
 #ifdef STRETCH
     begin_stretch(range.y - range.x);
@@ -30,6 +35,7 @@ float hard_shadow(Surface surface, Light light) {
 #else
         float z = step_length(at, range.y);
 #endif
+        if (i == 0) z += skipped;
         if (at.t + min(z, at.r) >= range.y) return 1.0;
         float t = at.t + z;
 #ifdef ADVANCE
@@ -52,14 +58,16 @@ float hard_shadow(Surface surface, Light light) {
         }
 #endif
         if (i == 0) near = min(near, 0.5 * r);
+        float proven = i == 0 ? z - skipped + 0.25 * offset : at.r;
 #ifdef CUTS
+        if (first && i > 0) proven = z;
         if (r < -noise && t < end) return 0.0;
 #ifdef ADVANCE
-        bool empty = first || z <= at.r + way_behind;
+        bool empty = z <= proven + way_behind;
 #else
-        bool empty = first || z <= at.r + abs(r);
+        bool empty = z <= proven + abs(r);
 #endif
-        bool known = z > 0.0 && !first;
+        bool known = z > 0.0 && !first && i > 0;
         slope = known ? (r - at.r) / z : 0.0;
         if (r <= near + GROWTH * t && empty && slope <= 0.0) {
             doubt(at, t, r, known ? slope : -1.0);
@@ -68,11 +76,12 @@ float hard_shadow(Surface surface, Light light) {
         move(at, empty, t, r, known ? slope : at.derivative);
 #else
         if (r <= min(near + GROWTH * t, 0.015625 * (end - t)) && t < end) return 0.0;
-        slope = z > 0.0 ? (r - at.r) / z : 0.0;
+        bool known = z > 0.0 && i > 0;
+        slope = known ? (r - at.r) / z : 0.0;
 #ifdef ADVANCE
-        move(at, z <= at.r + way_behind, t, r, z > 0.0 ? slope : at.derivative);
+        move(at, z <= proven + way_behind, t, r, known ? slope : at.derivative);
 #else
-        move(at, z <= at.r + abs(r), t, r, z > 0.0 ? slope : at.derivative);
+        move(at, z <= proven + abs(r), t, r, known ? slope : at.derivative);
 #endif
 #endif
     }
