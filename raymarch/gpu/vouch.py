@@ -113,17 +113,19 @@ def noisy(scene: Scene) -> Doubt | None:
 
 
 def inside(ready: Prepared, values: Values, pose: Pose) -> Doubt | None:
-    """The doubt of a camera in a solid; None in glass, and if rays start at points of their own."""
+    """The doubt of a camera in a solid, or on its surface; None in glass, and if rays start at points of their own."""
     scene = ready.plan.given
     own_starts = pose.half_height or pose.near or pose.aperture
     if ready.distance is None or own_starts or any(m.transmits for m in scene.materials):
         return None
     with bound(values.params, values.time):
         depth = -float(np.ravel(ready.distance((pose.position - ready.plan.origin)[None])[0])[0])
-    if not depth > 0.0:
+    if not depth >= 0.0:
         return None
     least = "" if scene.node.exactness == "exact" else "at least "
     what = f"the camera is {least}{depth:.3g} deep inside a solid, whose inner side is shown"
+    if depth == 0.0:
+        what = "the camera is on a surface, which all rays meet at once"
     return Doubt("values", what, "move it, or hide the solid: node.visible(camera=False)")
 
 

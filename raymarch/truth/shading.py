@@ -182,23 +182,29 @@ class Surface:
 
     @cached_property
     def shading_normals(self) -> Array:
-        """Normals perturbed by bump and normal maps, on the viewer's side where the origin lies in the solid."""
+        """Normals perturbed by bump and normal maps, on the viewer's side where the origin lies in or on the solid."""
         normals = self.normals
         if any(material.relief for material in self.scene.materials):
             slopes = self.material_values["bump_gradient"]
             bent = values_of(shading_normal, normals, -self.directions, slopes)
             normals = np.where(np.any(slopes != 0.0, axis=-1)[..., None], bent, normals)
-        return np.where(self._back_facing, -normals, normals) if self.inside else normals
+        return np.where(self._turned, -normals, normals)
 
     @property
     def geometric_normals(self) -> Array:
         """Geometric normals on the side of the shading normals, (N, 3)."""
-        return np.where(self._back_facing, -self.normals, self.normals) if self.inside else self.normals
+        return np.where(self._turned, -self.normals, self.normals)
 
     @cached_property
-    def _back_facing(self) -> NDArray[np.bool_]:
-        """Whether the outward normal points away from the viewer, (N, 1)."""
-        return np.einsum("ij,ij->i", self.normals, self.directions)[:, None] > 0.0
+    def _turned(self) -> NDArray[np.bool_]:
+        """Whether the outward normal points away from the viewer, who is in the solid or on its surface, (N, 1).
+
+        On the surface, as where solids are thinner than a hit, the shader's `visible_side` keeps normals at a cosine
+        below a quarter.
+        """
+        cosine = np.einsum("ij,ij->i", self.normals, self.directions)
+        away = cosine > 0.0 if self.inside else (cosine > 0.25) & (self.depth == 0.0)
+        return np.asarray(away)[:, None]
 
     def _from_light(self, light: Light) -> Array:
         """Reflected light of one emitter: of a light with an area or a sampled penumbra, the mean over points of it."""

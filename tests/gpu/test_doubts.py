@@ -217,6 +217,18 @@ def test_a_camera_inside_a_solid(context):
         assert not any("inside" in doubt for doubt in renderer.render(scene).doubts())
 
 
+@pytest.mark.parametrize("target", [(0, 0, 4), (0, 0, -4), (4, 0.3, 1), (4, 0.3, 2)], ids=str)
+def test_a_camera_on_a_surface(context, target):
+    """All rays meet it at once, in the reference too."""
+    node = rm.box(2) | rm.sphere(0.5).translate((0, 0, 4))
+    scene = rm.Scene(node, rm.Camera((0, 0, 1), target), [rm.Sun((1, 2, 1), shadow=True)])
+    with rm.Renderer((24, 18), context=context) as renderer:
+        frame = renderer.render(scene)
+        assert [doubt.what for doubt in frame.doubts()] == ["the camera is on a surface, which all rays meet at once"]
+        np.testing.assert_allclose(frame.color, rm.truth(scene, (24, 18)).color, atol=1e-3)
+        assert not renderer.render(scene.replace(camera=rm.Camera((0, 0, 1.001), target))).doubts()
+
+
 def lit_floor(intensity, color=(0.8, 0.8, 0.8), **parts):
     node = (rm.plane(offset=-1) | rm.sphere()).material(rm.Material(color, specular=0, **parts))
     return rm.Scene(node, rm.Camera((0, 1, 5), (0, 0, 0)), [rm.Sun((0, 1, 0), intensity=intensity)], sky=(9, 9, 9))
