@@ -232,7 +232,8 @@ def visible_light(text: Lines, plan: Plan, values: Values) -> None:
     """The function `visible_light`: the radiance of the nearest visible light on a ray that ends at a hit, and in w its
     distance, which is negative if there is none. Nothing in scenes without such lights.
 
-    A light that touches a surface is in front of it: a hit may lie two epsilons before the surface.
+    A light that touches a surface is in front of it: a refined hit may lie half an epsilon before the surface, and
+    others an epsilon.
     """
     scene, shown = plan.scene, lights.visible(plan.scene)
     if not shown:
@@ -240,7 +241,9 @@ def visible_light(text: Lines, plan: Plan, values: Values) -> None:
     table, by, where = lights.table(scene), "visible=True", shown[0].where
     text.add("vec4 visible_light(Ray ray, Hit hit, float travelled) {", by=by, where=where)
     text.add("    float end = hit.found ? hit.t : 1.0e30;", "    vec4 nearest = vec4(0.0, 0.0, 0.0, -1.0);")
-    text.add("    float slack = hit.found ? 2.0 * epsilon(ray.origin + end * ray.direction, travelled + end) : 0.0;")
+    share = "0.5 * epsilon_pixels" if plan.refined else "epsilon_pixels"
+    within = f"nearness(ray.origin + end * ray.direction, travelled + end, {share})"
+    text.add(f"    float slack = hit.found ? {within} : 0.0;")
     text.add("    LightHit met;")
     keep = [
         "if (met.distance > 0.0 && (met.distance - end) * met.cosine < slack) {",

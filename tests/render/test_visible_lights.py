@@ -214,3 +214,18 @@ def test_an_emissive_node_at_the_place_of_a_light_is_doubted() -> None:
     doubts = [rm.Scene(node, lights=[BALL.replace(visible=shown)]) for shown in (False, True)]
     found = [any("visible=True" in doubt for doubt in unused(each)) for each in doubts]
     assert found == [True, False]
+
+
+@pytest.mark.parametrize("size", [0.001, 1.0, 1000.0])
+def test_a_light_that_a_floor_cuts_is_shown_no_deeper_than_a_hit_may_lie(renderer: rm.Renderer, size: float) -> None:
+    """In a coarse picture. Two epsilons below the floor would add a sixth to what is seen of it."""
+    ball = rm.SphereLight((0, -0.03 * size, 0), 0.12 * size, intensity=size**2, shadow=True, visible=True)
+    floor = rm.box((3 * size, 0.2 * size, 3 * size)).translate((0, -0.1 * size, 0)).material(WHITE)
+    camera = rm.Camera((0, 0.8 * size, 3 * size), (0, 0, 0), fov=30)
+
+    def shown(quality: rm.Quality) -> float:
+        seen = scene(ball, camera, floor, quality=quality)
+        hidden = seen.replace(lights=[ball.replace(visible=False, penumbra="sampled")])
+        return float((renderer.render(seen).color - renderer.render(hidden).color).sum())
+
+    assert shown(rm.Quality(samples=64)) < 1.07 * shown(rm.Quality(samples=64, epsilon=0.002))
