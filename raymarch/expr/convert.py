@@ -233,5 +233,6 @@ def called(what: str, function: Callable[..., T], *args: Any, legal: str) -> T:
 def short_fault(fault: BaseException) -> str:
     """A Python exception as one line of a message."""
     text = " ".join(str(fault).split())
+    text = text.replace("'Node' object is not callable", "a solid is no function; its distance is node.distance(p)")
     text = text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
     return text if isinstance(fault, TypeError) else f"{type(fault).__name__}: {text}"

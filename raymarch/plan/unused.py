@@ -19,6 +19,7 @@ from raymarch.scene.fog import Fog
 from raymarch.scene.light import Light, has_area, has_disc
 from raymarch.scene.light_kinds import PointLight, SphereLight, Sun
 from raymarch.scene.material import Material
+from raymarch.scene.medium import Medium
 from raymarch.scene.parameter import is_zero
 from raymarch.scene.scene import Scene
 from raymarch.sdf.labels import flattened, seen_labels
@@ -123,6 +124,8 @@ def _camera(scene: Scene) -> Iterator[Doubt]:
 def _fog(scene: Scene) -> Iterator[Doubt]:
     if isinstance(scene.fog, Fog) and not is_zero(scene.fog.height) and not scene.fog.layered:
         yield _doubt("Fog(height=...) has no effect without a falloff", of=scene.fog)
+    if isinstance(scene.fog, Medium) and isinstance(scene.fog.density, Expr) and is_zero(scene.fog.density):
+        yield _doubt("Medium(density=0) is not seen", of=scene.fog)
 
 
 def _materials(scene: Scene) -> Iterator[Doubt]:

@@ -39,6 +39,14 @@ class Atmosphere(Part):
         """True if it scatters light of lights, whose values are then part of its function."""
         return False
 
+    @property
+    def box(self) -> Sequence[Sequence[float]] | None:
+        """The corners of the box that holds it; None if it has no end."""
+        return None
+
+    def check(self, lights: int) -> None:
+        """SceneError if a shader cannot draw it under so many lights."""
+
     def transmittance(self, p: Expr, wi: Expr, distance: Expr) -> Expr | None:
         """The fraction of a light in a direction that reaches a point of a surface; None if lights are not dimmed."""
         return None

@@ -42,6 +42,9 @@ TIMES = (0.0, 0.4, 0.9, 1.5, 2.2, 3.0, 3.9, 4.9)
 WINDOWS = (2.0, 8.0, 32.0)
 """Half the edges of the cubes in which a solid without a finite box is sought."""
 
+SURROUNDS = 4.0
+"""A medium whose diagonal is longer than this many diagonals of the solids is not framed."""
+
 HORIZON = 30.0
 """Distance beyond which a ray that looks for a place of the camera counts as a miss."""
 
@@ -79,6 +82,18 @@ class Framed:
     def diameter(self) -> float:
         """The length of the diagonal of the points' box."""
         return float(np.linalg.norm(np.ptp(self.points, axis=0)))
+
+    def beside(self, medium: Points, alone: bool) -> Framed:
+        """What a camera frames with a medium. medium : two corners, (2, 3). alone : if nothing else has a size.
+
+        A medium much larger than the solids surrounds them: they are framed, from within it.
+        """
+        box = corners(*medium)
+        if alone:
+            return Framed(box, centre=medium.mean(axis=0), floor=self.floor)
+        if self.position is not None or np.linalg.norm(np.ptp(medium, axis=0)) > SURROUNDS * self.diameter:
+            return self
+        return replace(self, points=np.concatenate([self.points, box]))
 
 
 def corners(lower: Points, upper: Points) -> Points:

@@ -34,7 +34,10 @@ DARK = 20.0
 """The optical depth at which a ray to a light ends."""
 OPAQUE = 1e-3
 """A ray of which less is transmitted ends."""
-DENSITY = "a number >= 0, or a function from a point to a number, of functions of raymarch, such as rm.fbm(p)"
+MOST_TURNS = 60_000
+"""Points at which a pixel may ask for the density: software renderers end loops at 65,535 turns in all."""
+DENSITY = "a number >= 0, or a function of a point in functions of raymarch, such as lambda p: 4 * rm.fbm(p)"
+KINDS = f"{DENSITY}; of an array rm.sampled(array, size), in a solid lambda p: 9 * rm.max(-node.distance(p), 0)"
 BOUNDS = "two corners (lower, upper), each finite and lower < upper"
 
 
@@ -114,6 +117,17 @@ class Medium(Atmosphere):
     @property
     def lit(self) -> bool:
         return True
+
+    @property
+    def box(self) -> Sequence[Sequence[float]]:
+        return self.bounds
+
+    def check(self, lights: int) -> None:
+        turns = self.steps * (1 + self.light_steps * lights)
+        if turns > MOST_TURNS:
+            what = f"Medium: steps = {self.steps}, light_steps = {self.light_steps} and lights: {lights}"
+            legal = f"steps * (1 + light_steps * lights) <= {MOST_TURNS}"
+            raise SceneError(f"{what}, {turns} points a pixel", legal=legal, where=self.where)
 
     @property
     def expressions(self) -> list[Expr]:
@@ -203,6 +217,7 @@ def _density(given: Any) -> Expr | Function:
     if isinstance(given, Function):
         return given
     if isinstance(given, Expr) or not callable(given):
+        as_operand("Medium: density", given, KINDS)
         return as_number("Medium: density", given, low=0.0)
 
     def of_point(p: Expr) -> Expr:

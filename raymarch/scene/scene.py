@@ -159,7 +159,7 @@ class Scene(Value):
             camera=Camera() if camera is None else instance("Scene: camera", camera, Camera, "Camera(...)"),
             lights=given,
             sky=sky if isinstance(sky, Sky) else Sky() if sky is None else Sky(sky),
-            fog=optional(instance, "Scene: fog", fog, Atmosphere, "Fog(...), Medium(...) or None"),
+            fog=optional(instance, "Scene: fog", fog, Atmosphere, "one Fog(...), one Medium(...) or None"),
             quality=chosen,
             occlusion=optional(instance, "Scene: occlusion", occlusion, AmbientOcclusion, shading),
             tone=ToneMapping() if tone is None else instance("Scene: tone", tone, ToneMapping, curves),
@@ -167,6 +167,8 @@ class Scene(Value):
             post=effects,
             of_a_node=False,
         )
+        if self.fog is not None:
+            self.fog.check(len(given))
 
     def _repr_png_(self) -> bytes:
         """The picture of the scene, for notebooks; drawn by `raymarch.export`, a layer above this package."""
@@ -266,7 +268,10 @@ class Scene(Value):
         """What a camera without a position frames, or one without a target looks at; None for any other camera."""
         camera = self.camera
         needed = camera.position is None or camera.target is None or (camera.orthographic and camera.height is None)
-        return _framed(self.node) if needed else None
+        if not needed:
+            return None
+        found, box = _framed(self.node), None if self.fog is None else self.fog.box
+        return found if box is None else found.beside(np.array(box), alone=self.subject is None)
 
     @property
     def middle(self) -> tuple[NDArray[np.float64], float]:

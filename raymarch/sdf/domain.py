@@ -79,7 +79,7 @@ class Domain:
             bounds.append(f"{'>' if self.open else '>='} {self.low:g}")
         if self.high < np.inf:
             bounds.append(f"<= {self.high:g}")
-        return f"{kind} {' and '.join(bounds)}"
+        return f"{kind} {' and '.join(bounds)}{', in radians' if self.unit == 'radians' else ''}"
 
     def accept(self, node: str, name: str, value: Any) -> Any:
         """The value as the definition receives it. SceneError with the value and its legal range if it is not legal."""

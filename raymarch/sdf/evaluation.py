@@ -7,15 +7,17 @@ from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from raymarch.conveniences import carried_out_by
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import bound, evaluator_of
-from raymarch.expr.convert import real, short
+from raymarch.expr.convert import numbers, real, short
 from raymarch.expr.derivative import companion
 from raymarch.expr.function import Function
 from raymarch.expr.glsl import print_functions
+from raymarch.expr.node import Expr
+from raymarch.expr.types import vector
 from raymarch.expr.walk import find
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node, called_by_nodes
@@ -31,9 +33,24 @@ BLOCK = 1 << 14
 
 
 @called_by_nodes
+def distance_at(node: Node, points: ArrayLike | Expr) -> NDArray[np.float64] | Expr:
+    """Distances in float64, or their expression; see `Node.distance`."""
+    if isinstance(points, Expr) and points.type is vector(node.dimension):
+        return field_of(node).once("distance_to", lambda: Lowering().field(node, "distance_to"))(points)
+    return evaluate_distance(node, _points(node, points))
+
+
 def evaluate_distance(node: Node, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Distances in float64; see `Node.distance`."""
+    """Distances in float64; points has shape (N, dimension) or (dimension,)."""
     return in_blocks(field_of(node), points, ()).reshape(points.shape[:-1])
+
+
+def _points(node: Node, points: ArrayLike | Expr) -> NDArray[np.float64]:
+    legal = f"(N, {node.dimension}) or ({node.dimension},)"
+    array = numbers("points", points, legal)
+    if array.ndim not in (1, 2) or array.shape[-1] != node.dimension:
+        raise SceneError(f"points of shape {array.shape}", legal=legal)
+    return array
 
 
 @called_by_nodes
@@ -74,10 +91,10 @@ def evaluate_both(field: Function, points: NDArray[np.float64]) -> tuple[NDArray
 
 
 @called_by_nodes
-def evaluate_gradient(node: Node, points: NDArray[np.float64]) -> NDArray[np.float64]:
+def evaluate_gradient(node: Node, points: ArrayLike) -> NDArray[np.float64]:
     """Gradients in float64; see `Node.gradient`."""
-    size = points.shape[-1]
-    return in_blocks(companion(field_of(node)), points, (size + 1,))[..., :size].reshape(points.shape)
+    at, size = _points(node, points), node.dimension
+    return in_blocks(companion(field_of(node)), at, (size + 1,))[..., :size].reshape(at.shape)
 
 
 def field_of(node: Node) -> Function:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping
 from functools import wraps
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,16 +13,19 @@ from numpy.typing import ArrayLike, NDArray
 from raymarch.conveniences import carried_out_by
 from raymarch.errors import Location, SceneError, user_location
 from raymarch.expr.calls import checked
-from raymarch.expr.convert import described, numbers, short
+from raymarch.expr.convert import described, short
 from raymarch.expr.peers import OPERATORS, refused_operator, unknown_attribute
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.same import Same, same
 
 if TYPE_CHECKING:
     from raymarch.expr.function import Function
+    from raymarch.expr.node import Expr
     from raymarch.sdf import affine, booleans, copies, deform, heights, noise, placing, profiles, queries, repetition
     from raymarch.sdf.definition import Definition
     from raymarch.sdf.domain import Scalar, Vector
+
+    Named = Mapping[str, Any] | None
 
 __all__ = ["Node"]
 
@@ -137,20 +140,23 @@ class Node:
 
     # Values
 
-    def distance(
-        self, points: ArrayLike, time: float = 0.0, params: Mapping[str, Any] | None = None
-    ) -> NDArray[np.float64]:
+    @overload
+    def distance(self, points: Expr) -> Expr: ...
+    @overload
+    def distance(self, points: ArrayLike, time: float = ..., params: Named = ...) -> NDArray[np.float64]: ...
+    def distance(self, points: ArrayLike | Expr, time: float = 0.0, params: Named = None) -> NDArray[np.float64] | Expr:
         """Signed distance in float64.
 
         Parameters
         ----------
-        points : shape (N, 3), or (3,) for one point ((N, 2) for a flat shape).
+        points : shape (N, 3), or (3,) for one point ((N, 2) for a flat shape). Or the point of a function such as a
+            density or a colour, an expression; the result is an expression then.
         time : value of `rm.time` in seconds.
         params : values of parameters by name, within their ranges; the others keep their defaults.
 
         Returns
         -------
-        shape (N,), or () for one point. SceneError for another shape, an unknown parameter or a value out of range.
+        shape (N,), or () for one point.
 
         Raises
         ------
@@ -160,13 +166,13 @@ class Node:
         --------
         >>> rm.sphere(1).translate((rm.time, 0, 0)).distance((3, 0, 0), time=1.5)
         array(0.5)
+        >>> rm.Medium(lambda p: 9 * rm.max(-rm.sphere().distance(p), 0), rm.sphere().bounds).anisotropy
+        0.0
         """
         with METHODS["values_bound"](self, time, params):
-            return METHODS["evaluate_distance"](self, self._points(points))
+            return METHODS["distance_at"](self, points)
 
-    def gradient(
-        self, points: ArrayLike, time: float = 0.0, params: Mapping[str, Any] | None = None
-    ) -> NDArray[np.float64]:
+    def gradient(self, points: ArrayLike, time: float = 0.0, params: Named = None) -> NDArray[np.float64]:
         """Gradient of the distance in float64: the outward normal where the field is exact.
 
         Parameters
@@ -177,20 +183,13 @@ class Node:
         Returns
         -------
         the same shape as `points`. On edges and medial axes, where the gradient does not exist, that of one side or 0.
-        SceneError as for `distance`.
 
         Raises
         ------
         SceneError : arguments of another kind or outside their range.
         """
         with METHODS["values_bound"](self, time, params):
-            return METHODS["evaluate_gradient"](self, self._points(points))
-
-    def _points(self, points: ArrayLike) -> NDArray[np.float64]:
-        array = numbers("points", points, f"(N, {self.dimension}) or ({self.dimension},)")
-        if array.ndim not in (1, 2) or array.shape[-1] != self.dimension:
-            raise SceneError(f"points of shape {array.shape}", legal=f"(N, {self.dimension}) or ({self.dimension},)")
-        return array
+            return METHODS["evaluate_gradient"](self, points)
 
     def glsl(self) -> str:
         """The field alone, as GLSL text: `float field(vec3 p)` and the functions that it calls.

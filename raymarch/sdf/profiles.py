@@ -117,7 +117,7 @@ def extrude(node: Node, height: Scalar = 1.0, scale: Scalar = 1.0, twist: Scalar
     Notes
     -----
     Exact for an exact shape without scale, twist and draft. With them a bound: see `taper` and `twist`. Draft moves the
-    outline of an exact shape by height * tan(draft) at the upper end.
+    outline of an exact shape by height * tan(draft) at the upper end; sides that meet below it end there in a ridge.
     """
     made = straight_extrusion(node, height)
     lean = Domain(FLOAT, low=-STEEPEST_DRAFT, high=STEEPEST_DRAFT, unit="radians").accept("extrude", "draft", draft)

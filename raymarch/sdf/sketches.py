@@ -319,9 +319,8 @@ class Sketch:
         else:
             bulges.append(0.0)
         if len(points) < 2 or (len(points) == 2 and not any(bulges)):
-            raise SceneError(
-                f"sketch: an outline of {len(bulges)} pieces encloses nothing", legal="three lines, or an arc"
-            )
+            what = f"an outline of {len(bulges)} piece{'s'[: len(bulges) - 1]}"
+            raise SceneError(f"sketch: {what} encloses nothing", legal="three lines, or an arc")
         names = {self.corners[i]: name for i, name in enumerate(self.names) if name}
         numbered = {point: number for number, point in reversed(list(enumerate(self.corners)))}
         rows = cut_corners(points, np.array(bulges), self._cut_at(closes), numbered, names)

@@ -73,6 +73,10 @@ CASES: dict[str, tuple[rm.Scene, rm.Scene]] = {
         scene(camera=rm.Camera(focus=3)),
         scene(camera=rm.Camera(focus=3, aperture=0.1)),
     ),
+    "Medium(density=0) is not seen": (
+        scene(fog=rm.Medium(0, ((-1, -1, -1), (1, 1, 1)))),
+        scene(fog=rm.Medium(1, ((-1, -1, -1), (1, 1, 1)))),
+    ),
     "Fog(height=...) has no effect": (scene(fog=rm.Fog(height=1)), scene(fog=rm.Fog(height=1, falloff=1))),
     "Material(ior=...) has no effect without transmission": (
         scene(rm.Material(roughness=0.4, ior=1.3)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from raymarch.gpu.context import Context
 from raymarch.scene.bsdf import Microfacets
 from raymarch.scene.layers import Coated
 from tests.functions.directions import slanted
+from tests.lab import media
 from tests.lab.reference import SCENES, compare, judged, ours, theirs
 from tests.lab.ztest import verdict
 from tests.support.bsdf import evaluated, material
@@ -89,3 +91,14 @@ def test_the_test_of_significance_sees_what_it_should() -> None:
     assert verdict(noise[0], noise[1], every).different == 1
     still = np.ones((4, 16, 16, 3))
     assert verdict(still, still, every).worst == 0.0 and verdict(1.001 * still, still, every).different == 256
+
+
+@pytest.mark.parametrize("case", [media.Case(4.0, 0.7, "sun"), media.Case(None, -0.5, "lamp")], ids=str)
+def test_light_that_a_medium_scatters_once_is_mitsubas(case: media.Case, mitsuba: Any, egl: Context) -> None:
+    """Even matter, and densities on a grid; another anisotropy is told from the right one."""
+    size = (16, 12)
+    batches = media.known(mitsuba, case, size, samples=1024)
+    with rm.Renderer(size, context=egl) as renderer:
+        right = media.compared(renderer.render(media.ours(case)), batches)
+        wrong = media.compared(renderer.render(media.ours(replace(case, g=case.g + 0.1))), batches)
+    assert abs(right.mean) <= 0.01 and abs(wrong.mean) > 0.02, (right, wrong)

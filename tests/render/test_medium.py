@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import pickle
 from typing import Any
@@ -11,6 +12,7 @@ import pytest
 
 import raymarch as rm
 from raymarch.errors import RaymarchError
+from raymarch.scene.parameter import Values
 
 LOW, HIGH = np.array((-1.0, -0.5, -1.0)), np.array((1.0, 0.5, 1.0))
 BOUNDS = (tuple(LOW), tuple(HIGH))
@@ -175,6 +177,11 @@ def test_what_cannot_be_is_refused() -> None:
         "rm.sin in place of math.sin": lambda: rm.Medium(lambda p: math.sin(p.x), BOUNDS),
         "Medium: the value of the density = None": lambda: rm.Medium(lambda p: None, BOUNDS),
         "albedo": lambda: rm.Medium(1, BOUNDS, albedo=(1.5, 1, 1)),
+        "rm.sampled(array, size)": lambda: rm.Medium(np.ones((4, 4, 4)), BOUNDS),
+        "-node.distance(p)": lambda: rm.Medium(rm.sphere(), BOUNDS),
+        "its distance is node.distance(p)": lambda: rm.Medium(lambda p: rm.sphere()(p), BOUNDS),
+        "one Medium(...)": lambda: rm.Scene(rm.sphere(), fog=[rm.Medium(1, BOUNDS), rm.Fog()]),
+        "65792 points a pixel": lambda: scene(rm.Medium(1, BOUNDS, steps=256, light_steps=256)),
     }
     for words, make in refused.items():
         with pytest.raises(RaymarchError) as error:
@@ -186,3 +193,29 @@ def test_it_is_a_value() -> None:
     medium = rm.Medium(clumps, BOUNDS, anisotropy=0.2, shadow=True)
     assert pickle.loads(pickle.dumps(medium)) == medium == medium.replace() != medium.replace(steps=9)
     assert "Medium" in repr(medium)
+
+
+def test_smoke_in_the_form_of_a_solid() -> None:
+    """The distance of a node as an expression of a function: a ball of even smoke, by its chords."""
+    ball, flat = rm.sphere(0.4).translate((0.1, 0.2, 0)), rm.circle(0.4)
+    inside = {
+        "solid": rm.Medium(lambda p: rm.where(ball.distance(p) < 0, 2.0, 0.0), BOUNDS, ambient=(1, 1, 1), steps=400),
+        "flat": rm.Medium(lambda p: rm.where(flat.distance(p.xz) < 0, 2.0, 0.0), BOUNDS, ambient=(1, 1, 1), steps=400),
+    }
+    for name, half in (("solid", math.sqrt(0.4**2 - 0.1**2)), ("flat", 0.4)):
+        found = middle(scene(inside[name], lights=[]))
+        np.testing.assert_allclose(found, 1 - math.exp(-2.0 * 2 * half), rtol=5e-3)
+        assert pickle.loads(pickle.dumps(inside[name])) == inside[name]
+
+
+def test_a_camera_without_a_position_shows_the_medium() -> None:
+    """Its corners and the solid's are in the picture, and fill it; a haze around a small solid is not framed."""
+    cloud, haze = rm.Medium(1.0, BOUNDS), rm.Medium(0.01, ((-99.0, -99.0, -99.0), (99.0, 99.0, 99.0)))
+    for node in (rm.sphere(0.3), rm.plane(offset=-2)):
+        pose = rm.Scene(node, fog=cloud).pose(Values({}), 1.5)
+        corners = np.array(list(itertools.product(*np.stack([LOW, HIGH]).T)))
+        x, y, z = ((corners - pose.position) @ pose.frame).T
+        reach = np.maximum(np.abs(x / z) / 1.5, np.abs(y / z)).max() / pose.tan_half_fov
+        assert np.all(z < 0) and 0.6 < reach <= 1.0, (node, reach)
+    alone = rm.Scene(rm.sphere(0.3)).pose(Values({}), 1.5)
+    np.testing.assert_allclose(rm.Scene(rm.sphere(0.3), fog=haze).pose(Values({}), 1.5).position, alone.position)
