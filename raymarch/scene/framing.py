@@ -33,6 +33,9 @@ CUBE = np.array(list(product((-1.0, 1.0), repeat=3)))
 EDGE = 12
 """Samples along each edge of a box."""
 
+FACE = 200
+"""Samples of a face of a cube that cuts a solid without end."""
+
 LARGE = 200
 """Nodes of a solid above which its boxes are framed: samples of its field would take longer than a few milliseconds."""
 
@@ -242,7 +245,7 @@ def _inside(field: Field) -> Framed:
         places = np.concatenate([usual[None], _grid(np.full(3, -half), np.full(3, half))])
         free = field(places)
         room = float(np.max(free[1:]))
-        if room < half / 3.0:
+        if 0.0 < room < half / 3.0:
             break
     order = np.argsort(-free[1:], kind="stable")[:40] + 1
     places, free = places[[0, *order]], free[[0, *order]]
@@ -258,7 +261,26 @@ def _inside(field: Field) -> Framed:
     if not np.isfinite(score[best]):
         return Framed(CUBE, sees=False)
     ahead_of_it = -VIEW / np.linalg.norm(VIEW) * float(np.median(reached[best]))
-    return Framed(CUBE + places[best] + ahead_of_it, places[best], cube=2.5 * float(np.exp(depth[best])))
+    edge = _uncut(field, 2.5 * float(np.exp(depth[best])))
+    return Framed(CUBE + places[best] + ahead_of_it, places[best], cube=edge)
+
+
+def _uncut(field: Field, edge: float) -> float:
+    """The edge of a cube about the origin, near a given one, whose faces pass between the copies of a solid.
+
+    The edge is kept if no other cuts less than a quarter of what it cuts.
+    """
+    edges = edge * np.array([1.0, *np.linspace(0.7, 1.4, 29)])
+    sides = np.concatenate([sign * np.eye(3)[[axis] * FACE] for axis in range(3) for sign in (1.0, -1.0)])
+    across = np.random.default_rng(0).uniform(-1.0, 1.0, sides.shape)
+    faces = np.where(sides == 0.0, across, sides)
+    solid = field((0.5 * edges[:, None, None] * faces).reshape(-1, 3)).reshape(len(edges), -1) <= 0.0
+    share = solid.mean(axis=1)
+    clear = np.flatnonzero(share < 0.25 * share[0])
+    if not len(clear):
+        return edge
+    least = clear[share[clear] <= share[clear].min() + 0.002]
+    return float(edges[least[np.argmin(np.abs(edges[least] - edge))]])
 
 
 def _fan() -> Points:

@@ -28,6 +28,10 @@ Kind: TypeAlias = type[Any]
 """A Python type. It has its own name because the `type` of a Domain is a GLSL type."""
 
 
+AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+"""Names of directions."""
+
+
 @dataclass(frozen=True, slots=True)
 class Domain:
     """Legal values of one parameter.
@@ -71,7 +75,8 @@ class Domain:
         if self.type is not None and self.type.is_matrix:
             kind = f"a {self.type.size}x{self.type.size} matrix"
         if self.direction:
-            return f"{kind}, not all zero"
+            named = ", or 'x', 'y' or 'z'" if self.type is VEC3 else ""
+            return f"{kind}, not all zero{named}"
         if self.low == -np.inf and self.high == np.inf:
             return f"{kind}, finite"
         bounds = []
@@ -85,6 +90,8 @@ class Domain:
         """The value as the definition receives it. SceneError with the value and its legal range if it is not legal."""
         if self.type is None:
             return self._accept_static(node, name, value)
+        if self.direction and self.type is VEC3 and isinstance(value, str) and value in AXES:
+            value = AXES[value]
         if (known := self._plain(value)) is not None:
             return known
         try:

@@ -166,8 +166,8 @@ class Node:
         --------
         >>> rm.sphere(1).translate((rm.time, 0, 0)).distance((3, 0, 0), time=1.5)
         array(0.5)
-        >>> rm.Medium(lambda p: 9 * rm.max(-rm.sphere().distance(p), 0), rm.sphere().bounds).anisotropy
-        0.0
+        >>> rm.Medium(lambda p: 9 * rm.max(-rm.sphere().distance(p), 0), rm.sphere().bounds).steps
+        48
         """
         with METHODS["values_bound"](self, time, params):
             return METHODS["distance_at"](self, points)
@@ -565,7 +565,8 @@ def at_line_of(node: Node, made: Node) -> Node:
 def solid(what: str, node: Any) -> Node:
     """The node. SceneError if it is none, or a flat shape. what : the operation on it, for the message."""
     if not isinstance(node, Node) or node.dimension != 3:
-        raise SceneError(f"{what} of {described(node)}", legal="a solid such as sphere()")
+        flat = "; a flat shape: .extrude(height) or .revolve() first" if isinstance(node, Node) else ""
+        raise SceneError(f"{what} of {described(node)}", legal=f"a solid such as sphere(){flat}")
     return node
 
 

@@ -68,6 +68,14 @@ def test_an_endless_solid_is_cut_with_a_word() -> None:
     assert made.subject is not None and made.subject.size.max() > 3
 
 
+@pytest.mark.parametrize(("solid", "radius", "period"), [(rm.sphere(0.3), 0.3, 1.0), (rm.box(5), 2.5, 8.0)])
+def test_the_copies_of_an_endless_solid_stay_whole(solid: rm.Node, radius: float, period: float) -> None:
+    """The cube ends between two copies."""
+    edge = rm.Scene(solid.repeat(period)).framed.cube  # type: ignore[union-attr]
+    within = (0.5 * edge + 0.5 * period) % period - 0.5 * period
+    assert edge > 2 * period and abs(within) > radius, edge
+
+
 def test_a_bent_solid_gives_no_doubt_about_light_that_nobody_asked_for() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import raymarch as rm
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import bound
 from raymarch.expr.types import VEC3
@@ -214,3 +215,26 @@ def test_a_node_takes_few_calls() -> None:
     run.runcall(lambda: [sphere(0.5 + 0.01 * i).round(0.1).translate((i, 2.0, 3.0)) for i in range(100)])
     calls = sum(each.callcount for each in run.getstats())
     assert calls / 300 < 100
+
+
+def test_a_direction_has_a_name() -> None:
+    """As the axes of `rotate` and `mirror` have."""
+    at = np.random.default_rng(3).normal(size=(50, 3))
+    for name, axis in {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}.items():
+        for made in (rm.plane, rm.slab, lambda a: rm.torus().orient(a)):
+            np.testing.assert_array_equal(made(name).distance(at), made(axis).distance(at))
+    with pytest.raises(SceneError, match=r"normal = 'w'.*'x', 'y' or 'z'"):
+        rm.plane("w")
+
+
+def test_a_flat_shape_in_place_of_a_solid_is_told_what_it_lacks() -> None:
+    with pytest.raises(SceneError, match=r"polar of .*circle.*\.extrude\(height\)"):
+        rm.circle(0.2).polar(5)
+
+
+def test_a_mirror_image_is_named() -> None:
+    """Not the solid with its mirror image, which `mirror` makes."""
+    with pytest.raises(SceneError, match=r"diag\(\[-1, 1, 1, 1\]\)"):
+        rm.sphere().reflect("x")
+    made = rm.sphere().translate((2, 0, 0)).transform(np.diag([-1, 1, 1, 1]))
+    np.testing.assert_allclose(made.distance([(-2, 0, 0), (2, 0, 0)]), (-1, 3))
