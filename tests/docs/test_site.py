@@ -14,6 +14,7 @@ from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import raymarch as rm
@@ -232,7 +233,7 @@ TOOLS = ("Shadertoy and GLSL", "fogleman/sdf", "OpenSCAD", "Blender")
 @pytest.mark.parametrize("tool", TOOLS)
 def test_our_side_of_a_comparison_runs(tool: str) -> None:
     given = {name: getattr(rm, name) for name in ("Material", "Quality", "Scene", "Sun", "AmbientOcclusion")}
-    given |= {"rm": rm, "ToneMapping": rm.ToneMapping, "Scene": lambda **parts: rm.Scene(rm.box(1), **parts)}
+    given |= {"rm": rm, "np": np, "ToneMapping": rm.ToneMapping, "Scene": lambda **parts: rm.Scene(rm.box(1), **parts)}
     given |= {"a": rm.sphere(0.4), "b": rm.box(1), "f": rm.sphere(0.4), "g": rm.box(1), "node": rm.sphere(0.4)}
     given |= {"c": 2, "s": 2, "k": 0.2, "angle": 1, "axis": "y", "p0": (0, 0, 0), "p1": (0, 1, 0), "radius": 0.1}
     given |= {"t": 0.1, "r": 0.1, "rate": 0.2, "balls": [rm.sphere(), rm.box(1)], "positions": [(0, 0, 0), (2, 0, 0)]}
