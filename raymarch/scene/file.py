@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import inspect
 import linecache
@@ -47,7 +48,7 @@ def load(path: str | os.PathLike[str], source: bytes | None = None) -> Scene:
     try:
         with working_directory_kept(), _module_beside(namespace, str(file.resolve().parent)):
             exec(_compiled(source, name), namespace.__dict__)
-            scene = _find(namespace, name)
+            scene = _find(namespace, name, source)
             scene.expressions()  # evaluates the file's own definitions, so that their errors name lines of the file
             return scene
     except RaymarchError:
@@ -106,21 +107,32 @@ def _module_beside(namespace: types.ModuleType, folder: str) -> Iterator[None]:
                 del sys.modules[name]
 
 
-def _find(namespace: types.ModuleType, name: str) -> Scene:
-    where = Location(name, 1)
+def _find(namespace: types.ModuleType, name: str, source: bytes) -> Scene:
     if not hasattr(namespace, "scene"):
-        raise SceneError(
-            "the file defines no 'scene'", legal="scene = rm.Scene(...), a node, or a function", where=where
+        own = [key for key, value in vars(namespace).items() if isinstance(value, Node | Scene)]
+        legal = (
+            f"scene = {own[-1]}, or scene = rm.Scene(...)" if own else "scene = rm.Scene(...), a node, or a function"
         )
-    found: Any = namespace.scene
+        raise SceneError("the file defines no 'scene'", legal=legal, where=Location(name, 1))
+    found, where = namespace.scene, Location(name, _last_set(source))
     if callable(found) and not isinstance(found, Node | Scene | type):
         found = _called(found, where)
     if isinstance(found, Node):
         found = scene_of(found)
     if not isinstance(found, Scene):
-        legal = "a Scene, a node, or a function giving one"
+        several = isinstance(found, list | tuple) and found and all(isinstance(each, Node) for each in found)
+        legal = "rm.union(*scene), or another node" if several else "a Scene, a node, or a function giving one"
         raise SceneError(f"'scene' is {described(found)}", legal=legal, where=where)
     return found
+
+
+def _last_set(source: bytes) -> int:
+    """The last line that sets or defines `scene`, in a function or outside; 1 if there is none."""
+    parts = list(ast.walk(ast.parse(source)))
+    names = [part for part in parts if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store)]
+    lines = [part.lineno for part in names if part.id == "scene"]
+    lines += [part.lineno for part in parts if isinstance(part, ast.FunctionDef) and part.name == "scene"]
+    return max(lines, default=1)
 
 
 def _called(make: Callable[..., Any], where: Location) -> Any:

@@ -26,7 +26,7 @@ EDITORS = "document.querySelectorAll('.jp-Notebook .jp-CodeCell .cm-content')"
 FRAME = "document.querySelector('iframe[srcdoc]')"
 
 
-def until(browser: Browser, code: str, what: str, seconds: float = 90.0) -> None:
+def until(browser: Browser, code: str, what: str, seconds: float = 200.0) -> None:
     """Wait until an expression of JavaScript is true."""
     end = time.monotonic() + seconds
     while not browser.run(f"(() => {{ try {{ return Boolean({code}); }} catch {{ return false; }} }})()"):
