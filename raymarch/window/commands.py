@@ -269,7 +269,7 @@ def _load(model: Model, news: Loaded) -> None:
         report(model, Fault.of(fault))
         return
     prepared = news.prepared if state.edits.empty else None
-    model.request(Show(state, news, prepared, tuple(changes)))
+    model.request(Show(state, news, prepared, (*changes, *news.words)))
 
 
 def accept(model: Model, show: Show) -> None:
@@ -283,6 +283,12 @@ def accept(model: Model, show: Show) -> None:
     edits = show.state.edits
     lights = None if edits.lights is None else [light.kind for light in edits.lights]
     model.say("edited", lights=lights, materials=sorted(edits.materials), quality=edits.quality)
+
+
+def warn(model: Model, words: Sequence[str]) -> None:
+    """Show the warnings about lines of the scene file, if there are any."""
+    if words:
+        model.notice("\n".join(words))
 
 
 def refuse(model: Model, show: Show, fault: RaymarchError) -> None:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import linecache
 import re
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from raymarch.errors import RaymarchError
+from raymarch.errors import RaymarchError, SceneWarning
 from raymarch.gpu.prepare import Prepared
 from raymarch.scene.scene import Scene
 
@@ -100,6 +103,23 @@ class Fault:
         return "\n".join([*([place] if place else []), *lines, words])
 
 
+@contextmanager
+def noted() -> Iterator[list[str]]:
+    """The warnings about lines of the user within a block, which are printed as well."""
+    found, show = list[str](), warnings.showwarning
+
+    def note(message: Any, category: Any, filename: str, lineno: int, file: Any = None, line: Any = None) -> None:
+        if issubclass(category, SceneWarning):
+            found.append(f"{near(filename)}:{lineno}: {message}")
+        show(message, category, filename, lineno, file, line)
+
+    warnings.showwarning = note
+    try:
+        yield found
+    finally:
+        warnings.showwarning = show
+
+
 @dataclass(frozen=True, slots=True)
 class Started:
     """A file changed; the trial of the scene file runs."""
@@ -116,12 +136,14 @@ class Watching:
 
 @dataclass(frozen=True, slots=True)
 class Loaded:
-    """A scene that passed its trial and is ready to be drawn. `ms` has the time of each stage."""
+    """A scene that passed its trial and is ready to be drawn. `ms` has the time of each stage, `words` the warnings
+    about lines of the user."""
 
     scene: Scene
     prepared: Prepared
     file: Path
     ms: dict[str, float] = field(default_factory=dict)
+    words: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -190,7 +190,7 @@ class Reloader:
         prepared, _ = self._constants.fit(prepared)
         ms = {"import": 1e3 * (middle - start), "plan": 1e3 * (time.perf_counter() - middle)}
         trial = {f"trial {name}": spent for name, spent in answer["ms"].items()}
-        self._tell(Loaded(scene, prepared, file, {**trial, **ms}))
+        self._tell(Loaded(scene, prepared, file, {**trial, **ms}, tuple(answer.get("words", ()))))
 
 
 class _TooLong(BaseException):

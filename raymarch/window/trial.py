@@ -37,7 +37,7 @@ from raymarch.scene.scene import Scene
 from raymarch.scene.studio import staged
 from raymarch.sdf import box, sphere
 from raymarch.window.constants import CLICKED, Constants
-from raymarch.window.news import Fault
+from raymarch.window.news import Fault, noted
 from raymarch.window.pace import scaled
 from raymarch.window.sent import packed, unpacked
 from raymarch.window.shot import progressive
@@ -108,10 +108,10 @@ def _die_with_parent() -> None:
 def examine(request: Answer, say: Callable[[Answer], None]) -> None:
     """Load, plan, compile and draw a scene file once, and report the result.
 
-    Answers {"id", "ok", "ms": {stage: milliseconds}, "files": [...], "error": {...} or None, "baked", "packed"}:
-    `files` are the user's that were read, `error` says what, legal, file and line, `baked` that no number may be a
-    uniform, `packed` is the scene, see `raymarch.window.sent`. A request with "packed" and the "read" files is about
-    that scene.
+    Answers {"id", "ok", "ms": {stage: milliseconds}, "files": [...], "error": {...} or None, "baked", "packed",
+    "words"}: `files` are the user's that were read, `error` says what, legal, file and line, `baked` that no number may
+    be a uniform, `packed` is the scene, see `raymarch.window.sent`, `words` are warnings. A request with "packed" and
+    the "read" files is about that scene.
     """
     number, scene = request["id"], request["scene"]
     sys.stdin = open(os.devnull)  # noqa: SIM115 - the requests are not for the scene file
@@ -123,7 +123,7 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
     error: Fault | None = None
     found: Scene | None = None
     baked, sent = False, None
-    with recorded() as read:
+    with recorded() as read, noted() as words:
         read.update(dict.fromkeys(request.get("read", ())))
         try:
             with _limited_memory(), _timed(times, "import"):
@@ -149,6 +149,7 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
     files = sorted({str(main), *inputs})  # a missing file may appear beside the scene
     described = None if error is None else asdict(error)
     told = {"ok": error is None, "ms": times, "files": files, "error": described, "baked": baked, "packed": sent}
+    told["words"] = words
     say({"id": number, **told})
     if error is None and found is not None:
         with contextlib.suppress(RaymarchError):  # so that a click does not wait for the compiler

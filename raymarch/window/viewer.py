@@ -45,7 +45,7 @@ from raymarch.window.model import (
     Show,
     WriteFilm,
 )
-from raymarch.window.news import Fault
+from raymarch.window.news import Fault, noted
 from raymarch.window.outside import Outside
 from raymarch.window.overlay import Bar, Item, Mark, Overlay
 from raymarch.window.pace import Pace, scaled
@@ -107,7 +107,7 @@ class Viewer:
         outside: Outside | None = None,
         quality: str | None = None,
     ) -> None:
-        with recorded() as self._read:
+        with recorded() as self._read, noted() as words:
             scene = staged(load(file))
         chosen = [stop.changes(scene.quality) for stop in preset_stops() if stop.name == quality]
         edits = Edits(quality=chosen[0]) if chosen else None
@@ -122,6 +122,7 @@ class Viewer:
         self.model = Model(state, budget, samples, stops or preset_stops(), size=size)
         self._constants, self._clicks, self._edited = Constants(), Constants(), Constants()
         self.model.log = Log(log)
+        do.warn(self.model, words)
         rough = preview(state.progressive)
         self.window = Window(size, _title(file))
         try:
@@ -272,8 +273,7 @@ class Viewer:
             model.size = self.screen.size = size
             model.say("resize", size=size)
             self._unshown = 2  # drivers give the window's buffers their new size with the next swap
-        width, height = model.area
-        model.state.aspect = width / height
+        model.state.aspect = model.area[0] / model.area[1]
 
     def _frame(self, now: float) -> None:
         model = self.model

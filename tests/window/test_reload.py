@@ -119,6 +119,12 @@ def test_an_imported_module_is_followed_too(live: Live, tmp_path: Path) -> None:
     assert live.model.fault is None
 
 
+def test_warnings_about_lines_come_with_the_scene(live: Live) -> None:
+    live.save('import raymarch as rm\nscene = rm.box().rotate(45, "z")\n')
+    (words,) = live.wait(Loaded).words
+    assert "scene.py:2: rotate: angle = 45 radians" in words
+
+
 def test_the_file_that_was_opened_is_followed_and_the_old_one_no_more(live: Live, tmp_path: Path) -> None:
     live.opened(tmp_path / "other scene.py", SCENE.replace("(0, 1, 6)", "(0, 2, 6)"))
     assert live.model.state.file.name == "other scene.py" and live.model.state.camera.position[1] == 2
