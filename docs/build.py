@@ -204,7 +204,6 @@ def draw(node: Node, renderer: rm.Renderer) -> Image.Image:
 
 
 PUBLIC = {
-    "sampled_outline": ("image", "text"),
     "sampled_grid": ("grid", "isosurface", "mesh"),
     "raw_field": ("glsl_node",),
     "implicit_solid": ("implicit",),

@@ -13,7 +13,7 @@ import os
 import shutil
 import subprocess
 import unicodedata
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -105,12 +105,11 @@ def _some_ring() -> Samples:
 _SPECIMEN = _some_ring()
 
 
-@shape(
-    exactness="bound",
-    bounds=lambda data, cell: cube(0.5 * cell * expr(np.subtract(*_solid_box(data)[::-1]))),
-    spread=_spread,
-    dimension=2,
-)
+def _box(data: Samples, cell: Any) -> tuple[Expr, Expr]:
+    return cube(0.5 * cell * expr(np.subtract(*_solid_box(data)[::-1])))
+
+
+@shape(exactness="bound", bounds=_box, spread=_spread, dimension=2, called="image")
 def sampled_outline(p: Expr, data: Data = _SPECIMEN, cell: Positive = 0.08) -> Expr:
     """A flat shape from distances on a square grid, about the middle of its box.
 
@@ -119,6 +118,16 @@ def sampled_outline(p: Expr, data: Data = _SPECIMEN, cell: Positive = 0.08) -> E
     A bound: the samples are divided by their steepest slope. Outside the grid, that distance and the one to the grid
     are at right angles or more.
     """
+    return _interpolation(p, data, cell)
+
+
+@shape(exactness="bound", bounds=_box, spread=_spread, dimension=2, called="text")
+def sampled_letters(p: Expr, data: Data = _SPECIMEN, cell: Positive = 0.08) -> Expr:
+    """Letters from distances on a square grid, about the middle of their box."""
+    return _interpolation(p, data, cell)
+
+
+def _interpolation(p: Expr, data: Data, cell: Positive) -> Expr:
     at = p / cell + _middle(data)
     inside = clamp(at, 0.0, tuple(float(n - 1) for n in data.size))
     value = sample(data, at) / _steepness(data)
@@ -218,10 +227,10 @@ def _distances(coverage: Array, what: str) -> Samples:
     return Samples(rounded)
 
 
-def _standing(data: Samples, height: Expr) -> Node:
+def _standing(made: Callable[..., Node], data: Samples, height: Expr) -> Node:
     """The shape of this height."""
     low, high = _solid_box(data)
-    return sampled_outline(data, height / float(high[1] - low[1]))
+    return made(data, height / float(high[1] - low[1]))
 
 
 def _checked(name: str, height: Scalar, resolution: int) -> tuple[Expr, int]:
@@ -267,10 +276,10 @@ def text(
     letters = unicodedata.normalize("NFC", str(string))
     found = None if file is None else next(filter(os.path.isfile, places_of(file)), None)
     if found is None:
-        return _standing(_written(letters, file, "", resolution), full)
+        return _standing(sampled_letters, _written(letters, file, "", resolution), full)
     with reading("text: font", found, "a TrueType or OpenType file"):  # also while letters are drawn
         content = hashlib.sha256(Path(found).read_bytes()).hexdigest()
-        return _standing(_written(letters, found, content, resolution), full)
+        return _standing(sampled_letters, _written(letters, found, content, resolution), full)
 
 
 def _shown(string: str) -> str:
@@ -437,7 +446,7 @@ def image(
     method = Image.Resampling.BOX if shrink < 1.0 else Image.Resampling.BILINEAR
     resized = np.asarray(page.resize((columns, rows), method), np.float64)
     named = f"'{os.fspath(source)}'" if isinstance(source, str | os.PathLike) else "the picture"
-    return _standing(_distances(resized, f"image: {named}"), full)
+    return _standing(sampled_outline, _distances(resized, f"image: {named}"), full)
 
 
 def _coverage(source: str | os.PathLike[str] | ArrayLike) -> NDArray[Any]:

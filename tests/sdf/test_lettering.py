@@ -104,3 +104,11 @@ def test_a_letter_in_two_parts_is_the_letter_in_one() -> None:
 def test_half_a_character_is_none() -> None:
     with pytest.raises(SceneError, match="lacks"):
         rm.text("a\ud800")
+
+
+def test_messages_name_the_function_that_was_called() -> None:
+    drawn = rm.image(np.pad(np.ones((4, 4)), 2), resolution=16)
+    for node, name in ((rm.text("a", resolution=16), "text"), (drawn, "image")):
+        assert repr(node).startswith(f"<{name}: ")
+        with pytest.raises(SceneError, match=f"Scene: {name} is flat"):
+            rm.Scene(node)
