@@ -15,7 +15,7 @@ from weakref import WeakValueDictionary
 
 from raymarch.errors import Location, SceneError, is_users
 from raymarch.expr.convert import short
-from raymarch.expr.node import Expr, Operand, const, elementwise, expr, make, var
+from raymarch.expr.node import Expr, Operand, const, elementwise, expr, exprs, make, var
 from raymarch.expr.types import BOOL, FLOAT, STATE, Type
 from raymarch.expr.walk import free_variables, substitute
 
@@ -92,7 +92,7 @@ class Function:
         if named:
             takes = ", ".join(str(p.data) for p in self.params)
             raise SceneError(f"{self.name} has no parameter {next(iter(named))!r}", legal=f"{self.name}({takes})")
-        values = tuple(map(expr, args))
+        values = exprs(args)
         if [a.type for a in values] != [p.type for p in self.params]:
             takes = ", ".join(f"{p.type} {p.data}" for p in self.params)
             gets = ", ".join(a.type.name for a in values)
@@ -253,13 +253,13 @@ def loop(
     """
     if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= 65535:
         raise SceneError(f"loop count {short(count)}", legal="an integer from 1 to 65535")
-    first = tuple(map(expr, state))
+    first = exprs(state)
     depth = len(_loops.open)
     index = var(f"loop {depth} index", FLOAT)
     carried = tuple(var(f"loop {depth} state {k}", value.type) for k, value in enumerate(first))
     _loops.open.append(index)
     try:
-        after = tuple(map(expr, step(index, *carried)))
+        after = exprs(step(index, *carried))
         leave = until(index, *carried) if until is not None else None
     finally:
         _loops.open.pop()

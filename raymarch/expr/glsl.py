@@ -63,11 +63,11 @@ class Dialect:
 
     def head(self, name: str, type: Type, params: Sequence[tuple[Type, str]]) -> str:
         """The first line of a function; its body ends with a closing brace."""
-        return f"{type} {name}({', '.join(f'{of} {param}' for of, param in params)}) {{"
+        return f"{type.name} {name}({', '.join([f'{of.name} {param}' for of, param in params])}) {{"
 
     def declare(self, type: Type, name: str, changes: bool = False) -> str:
         """The declaration of a variable, up to its value. changes : it is assigned later."""
-        return f"{type} {name} = "
+        return f"{type.name} {name} = "
 
     def loop(self, counter: str, count: int) -> str:
         """The first line of a loop with an integer counter from 0."""

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import Location, SceneError
 from raymarch.expr.convert import refuse_masked, short
-from raymarch.expr.types import BOOL, FLOAT, MATRICES, STATE, Type, vector
+from raymarch.expr.types import BOOL, FLOAT, MATRICES, STATE, VECTORS, Type, vector
 
 _HERE = dirname(abspath(__file__)) + sep
 _FILES: set[str] = set()
@@ -300,6 +300,13 @@ def expr(value: Operand) -> Expr:
     )
 
 
+def exprs(operands: Sequence[Operand]) -> tuple[Expr, ...]:
+    """Some operands as expressions."""
+    if {*map(type, operands)} == {Expr}:
+        return tuple(operands)  # type: ignore[arg-type]
+    return tuple(map(expr, operands))
+
+
 def _numeric(value: Any) -> NDArray[Any] | None:
     """Convert to an array. None for strings, ragged sequences, and integers that exceed float64."""
     try:
@@ -317,7 +324,7 @@ _LINEAR = {"add", "sub", "mul", "div", "neg"}
 
 def elementwise(op: str, *operands: Operand) -> Expr:
     """A componentwise operation; scalars are broadcast over the widest operand."""
-    args = tuple(map(expr, operands))
+    args = exprs(operands)
     type = _widest(op, args)
     if type.is_matrix and op not in _LINEAR:
         raise SceneError(f"{op} does not take a {type}", legal="numbers and vectors")
@@ -344,25 +351,25 @@ def _power(x: Operand, y: Operand) -> Expr:
 
 def product(a: Operand, b: Operand) -> Expr:
     """GLSL's `*`: by component, or the linear-algebra product where a matrix takes part."""
-    left, right = expr(a), expr(b)
+    left, right = args = exprs((a, b))
     if not (left.type.is_matrix or right.type.is_matrix) or FLOAT in (left.type, right.type):
-        return elementwise("mul", left, right)
+        return elementwise("mul", *args)
     if left.type.size != right.type.size:
         raise SceneError(f"{left.type} * {right.type}: sizes differ", legal="a matrix and a vector of one size")
     if left.type.is_vector:  # v * M == transpose(M) * v
         return product(simplify("transpose", right.type, (right,)), left)
-    return simplify("matmul", right.type, (left, right))
+    return simplify("matmul", right.type, args)
 
 
 def compare(op: str, a: Operand, b: Operand) -> Expr:
-    left, right = expr(a), expr(b)
+    left, right = args = exprs((a, b))
     if left.type is not FLOAT or right.type is not FLOAT:
         raise SceneError(f"cannot order {left.type} and {right.type}", legal="two scalars; take components first")
-    return simplify(op, BOOL, (left, right))
+    return simplify(op, BOOL, args)
 
 
 def logic(op: str, *operands: Operand) -> Expr:
-    args = tuple(map(expr, operands))
+    args = exprs(operands)
     for arg in args:
         if arg.type is not BOOL:
             raise SceneError(f"'{op}' needs conditions, not {arg.type}", legal="comparisons such as a < b")
@@ -371,17 +378,21 @@ def logic(op: str, *operands: Operand) -> Expr:
 
 def swizzle(value: Expr, components: str) -> Expr:
     """Components by name, as in GLSL: `swizzle(p, "zx")`."""
-    if not value.type.is_vector or any(c not in "xyzw"[: value.type.size] for c in components):
+    if not value.type.is_vector or not {*"xyzw"[: value.type.size]}.issuperset(components):
         raise SceneError(f"a {value.type} has no component '{components}'", legal="x, y, z, w of a vector")
     return simplify("swizzle", vector(len(components)), (value,), components)
 
 
+_PARTS = frozenset((FLOAT, *VECTORS.values()))
+
+
 def construct(*parts: Operand) -> Expr:
     """vec2, vec3 or vec4 from scalars and vectors, as in GLSL."""
-    args = tuple(map(expr, parts))
-    size = sum(arg.type.size for arg in args)
-    if not 2 <= size <= 4 or any(arg.type is BOOL or arg.type.is_matrix for arg in args):
-        what = f"no vector of {', '.join(arg.type.name for arg in args)}"
+    args = exprs(parts)
+    types = [arg.type for arg in args]
+    size = sum([type.size for type in types])
+    if not 2 <= size <= 4 or not _PARTS.issuperset(types):
+        what = f"no vector of {', '.join(type.name for type in types)}"
         raise SceneError(what, legal="2 to 4 numbers in all, no matrices")
     return simplify("construct", vector(size), args)
 
@@ -397,6 +408,13 @@ _simplifiers: defaultdict[str, list[Simplifier]] = defaultdict(list)
 
 def simplify(op: str, type: Type, args: tuple[Expr, ...], data: Any = None) -> Expr:
     """Create an expression after constant folding and removal of identities (x + 0, x * 1, ...)."""
+    for arg in args:
+        if arg.op != "const":
+            break
+    else:
+        folded: Expr | None = CALLED["fold_constants"](op, type, args, data)
+        if folded is not None:
+            return folded
     for rule in _simplifiers[op]:
         simple = rule(op, type, args, data)
         if simple is not None:

@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -82,14 +83,17 @@ def wrap(piece: Piece, binding: int) -> Piece:
     return Piece(f"({piece.text})", ATOM, piece.depth, Breaks("call", "", (piece,), (None,)))
 
 
+_text, _depth = attrgetter("text"), attrgetter("depth")
+
+
 def depth_of(pieces: Sequence[Piece]) -> int:
     """The nesting of a text that is made of some pieces."""
-    return 1 + max([p.depth for p in pieces], default=0)
+    return 1 + max(map(_depth, pieces), default=0)
 
 
 def call_text(name: str, pieces: Sequence[Piece], sources: Sequence[Expr]) -> Piece:
     """A call of a function."""
-    text = f"{name}({', '.join([p.text for p in pieces])})"
+    text = f"{name}({', '.join(map(_text, pieces))})"
     return Piece(text, ATOM, depth_of(pieces), Breaks("call", name, tuple(pieces), tuple(sources)))
 
 

@@ -13,18 +13,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.expr.arrays import FLOAT64
-from raymarch.expr.node import Expr, const, construct, elementwise, make, product, simplifier, simplify, swizzle
+from raymarch.expr.node import (
+    Expr,
+    called_by_expressions,
+    const,
+    construct,
+    elementwise,
+    make,
+    product,
+    simplifier,
+    simplify,
+    swizzle,
+)
 from raymarch.expr.types import BOOL, FLOAT, Type
 
 _RULES = FLOAT64.rules
 
 
-@simplifier(*(_RULES.keys() - {"record"}))
+@called_by_expressions
 def fold_constants(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr | None:
-    for arg in args:
-        if arg.op != "const":
-            return None
-    if not args:
+    """The constant that an operation of constants gives; None for a struct, or what only the shader computes."""
+    if not args or op == "record" or op not in _RULES:
         return None
     return _folded(op, type, args, data) if data is None or op == "swizzle" else _fold(op, type, args, data)
 
@@ -44,12 +53,12 @@ _folded = lru_cache(2048)(_fold)
 """Derivatives fold the same constants again and again."""
 
 
-def _is(node: Expr, number: float) -> bool:
+def _number(node: Expr) -> float | None:
+    """The number that each component of a constant has; None for other expressions."""
     if node.op != "const" or node.type is BOOL or node.type.is_matrix:
-        return False
-    if node.type is FLOAT:
-        return bool(node.data == number)
-    return bool((node.data == number).all())
+        return None
+    numbers = node.data.ravel()
+    return float(numbers[0]) if (numbers == numbers[0]).all() else None
 
 
 def _widen(node: Expr, type: Type) -> Expr:
@@ -64,17 +73,17 @@ def _widen(node: Expr, type: Type) -> Expr:
 def identities(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr | None:
     match op, args:
         case "add", (a, b):
-            if _is(a, 0):
+            if _number(a) == 0:
                 return _widen(b, type)
-            if _is(b, 0):
+            if _number(b) == 0:
                 return _widen(a, type)
             if b.op == "neg":
                 return elementwise("sub", a, b.args[0])
             return _add_components(a, b)
         case "sub", (a, b):
-            if _is(b, 0):
+            if _number(b) == 0:
                 return _widen(a, type)
-            if _is(a, 0):
+            if _number(a) == 0:
                 return elementwise("neg", _widen(b, type))
             if b.op == "neg":
                 return elementwise("add", a, b.args[0])
@@ -82,25 +91,26 @@ def identities(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr |
                 return _widen(const(0.0), type)
         case "mul", (a, b):
             for one, other in ((a, b), (b, a)):
-                if _is(one, 0):
+                number = _number(one)
+                if number == 0:
                     return _widen(const(0.0), type)
-                if _is(one, 1):
+                if number == 1:
                     return _widen(other, type)
-                if _is(one, -1):
+                if number == -1:
                     return elementwise("neg", _widen(other, type))
-        case "dot", (a, b) if _is(a, 0) or _is(b, 0):
+        case "dot", (a, b) if 0 in (_number(a), _number(b)):
             return const(0.0)
         case "dot", (a, b):
             for one, other in ((a, b), (b, a)):
                 if (axis := _axis_of(one)) is not None:
                     k, sign = axis
                     return other[k] if sign > 0 else elementwise("neg", other[k])
-        case "round", (a,) if a.op == "sub" and _is(a.args[1], 0.5):
+        case "round", (a,) if a.op == "sub" and _number(a.args[1]) == 0.5:
             return elementwise("floor", a.args[0])
         case "div", (a, b):
-            if _is(b, 1):
+            if _number(b) == 1:
                 return _widen(a, type)
-            if _is(a, 0):
+            if _number(a) == 0:
                 return _widen(const(0.0), type)
         case "neg", (a,) if a.op == "neg":
             return a.args[0]
@@ -131,8 +141,10 @@ def folds(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr | None
                 k, sign = axis
                 changed = elementwise("add" if (sign > 0) == (op == "add") else "sub", a[k], factor)
                 return construct(*[changed if i == k else a[i] for i in range(type.size)])
-    if type is FLOAT and b.op == "mul" and _is(b.args[0], 2) and b.args[1].op == "min" and _is(b.args[1].args[1], 0):
-        x = b.args[1].args[0]
+    if type is FLOAT and b.op == "mul" and b.args[1].op == "min" and _number(b.args[0]) == 2:
+        x, least = b.args[1].args
+        if _number(least) != 0:
+            return None
         if op == "sub" and x is a:
             return elementwise("abs", a)
         if op == "add" and x is elementwise("neg", a):

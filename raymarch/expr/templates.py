@@ -84,7 +84,7 @@ def _order(symbol: str, mirrored: str) -> Template:
     """A comparison; a constant is printed on the right."""
 
     def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-        left, right = (wrap(p, PLUS) for p in pieces)
+        left, right = wrap(pieces[0], PLUS), wrap(pieces[1], PLUS)
         if node.args[0].is_constant:
             return _joined(mirrored, ORDER, (right, left), depth_of(pieces), node.args[::-1])
         return _joined(symbol, ORDER, (left, right), depth_of(pieces), node.args)
@@ -260,7 +260,7 @@ def _where(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Pie
     if node.type.fields and printer.text.for_web:
         printer.helpers["chosen", node.type.name] = _CHOSEN.replace("TYPE", node.type.name)
         return call_text("chosen", pieces, node.args)
-    condition, yes, no = parts = tuple(wrap(p, b) for p, b in zip(pieces, (OR, OR, CHOICE), strict=True))
+    condition, yes, no = parts = (wrap(pieces[0], OR), wrap(pieces[1], OR), wrap(pieces[2], CHOICE))
     text = f"{condition.text} ? {yes.text} : {no.text}"
     return Piece(text, CHOICE, depth_of(pieces), Breaks("choice", "", parts, node.args))
 

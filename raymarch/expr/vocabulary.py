@@ -13,7 +13,7 @@ from functools import partial, reduce
 import numpy as np
 
 from raymarch.errors import SceneError
-from raymarch.expr.node import Expr, Operand, construct, elementwise, expr, simplify
+from raymarch.expr.node import Expr, Operand, construct, elementwise, expr, exprs, simplify
 from raymarch.expr.types import BOOL, FLOAT, MATRICES, VEC3, Type
 
 Vec = Operand
@@ -107,7 +107,7 @@ def smoothstep(low: Operand, high: Operand, x: Operand) -> Expr:
 
 def where(condition: Expr, a: Operand, b: Operand) -> Expr:
     """a where the condition holds, else b. Both are computed."""
-    yes, no = expr(a), expr(b)
+    yes, no = exprs((a, b))
     if not isinstance(condition, Expr) or condition.type is not BOOL:
         raise SceneError(f"where needs a condition, not {condition!r}", legal="a comparison such as a < b")
     if yes.type is FLOAT and no.type.is_vector:
@@ -121,8 +121,8 @@ def where(condition: Expr, a: Operand, b: Operand) -> Expr:
 
 def record(type: Type, *values: Operand) -> Expr:
     """A value of a struct type, from its fields in order."""
-    args = tuple(map(expr, values))
-    if tuple(a.type for a in args) != tuple(t for _, t in type.fields):
+    args = exprs(values)
+    if [a.type for a in args] != [t for _, t in type.fields]:
         what = f"{type}({', '.join(a.type.name for a in args)})"
         raise SceneError(what, legal=", ".join(t.name for _, t in type.fields))
     return simplify("record", type, args)
@@ -144,8 +144,8 @@ def finite(x: Operand) -> Expr:
 
 
 def _vectors(name: str, *values: Operand) -> tuple[Expr, ...]:
-    args = tuple(map(expr, values))
-    if not args[0].type.is_vector or any(a.type is not args[0].type for a in args):
+    args = exprs(values)
+    if not args[0].type.is_vector or len({a.type for a in args}) > 1:
         raise SceneError(f"{name}({', '.join(a.type.name for a in args)})", legal="vectors of one size")
     return args
 

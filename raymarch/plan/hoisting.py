@@ -45,8 +45,10 @@ class Hoisting:
 
     def __call__(self, function: Function) -> Function:
         """The function with its time-only subexpressions replaced, and costly ones of parameters."""
-        if function not in self._done and not find([function.body], "time") and not _costly(function.body):
-            self._done[function] = function
+        if function not in self._done:
+            read = {leaf.op for leaf in find([function.body], "time", "param")}
+            if not read or ("time" not in read and not _costly(function.body)):
+                self._done[function] = function
         if function not in self._done:
             made: dict[Function, Function] = {}
             for old in topological([function], _called):
@@ -112,8 +114,6 @@ def _largest(body: Expr) -> list[Expr]:
 
 def _costly(body: Expr) -> list[Expr]:
     """The maximal expressions of parameters alone that take `COSTLY` operations or more."""
-    if not find([body], "param"):
-        return []
     still, moving = _of_time(body)
     found = {arg: None for node in topological([body]) if node not in still for arg in node.args if arg in still}
     return [node for node in found if node not in moving and operations([node]) >= COSTLY and find([node], "param")]

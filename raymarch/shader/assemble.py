@@ -7,9 +7,9 @@ the chunks by these names.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, lru_cache, partial
 from types import MappingProxyType
 
 from raymarch import glsl
@@ -143,18 +143,20 @@ def assemble(
     values.variables |= {STRETCH.data} if plan.stretched else set()
     setup = Setup(plan, values, inputs) if plan.standalone else None
     roots = _roots(plan, values)
+    structs = _structs(roots)
+    names = frozenset([root.name for root in roots])
     fixed = _constants(plan)
     generated: dict[str, Callable[[], Chunk]] = {
         **{name: partial(Chunk.of, name, [line]) for name, line in fixed.items()},
-        **{root.name: partial(_promised, roots, frozenset(values.variables)) for root in roots},
+        **dict.fromkeys(names, partial(Chunk, "field", _names(structs) | values.variables, names, ())),
         **({name: lambda: shade for name in shade.gives} if shade is not None else {}),
-        **_of_scene(plan, "u_lights" in constants),
-        **{type.name: partial(_declared, type) for type in _records(roots) if type.name not in glsl.givers()},
+        **{name: cache(make) for name, make in _of_scene(plan, "u_lights" in constants).items()},
+        **{type.name: partial(_declared, type) for type in structs if type.name not in glsl.givers()},
         **(setup.promised() if setup is not None else {}),
     }
     # The names of generated functions must differ from all others, so what is linked is found before they are printed.
     promised = link(mains, plan.choices, generated, variants)
-    taken = promised.names.union({"PASS"}, *(chunk.gives for chunk in mains)) - {root.name for root in roots}
+    taken = promised.names.union({"PASS"}, *[chunk.gives for chunk in mains]) - names
     if plan.analytic.used or plan.advance is not None:
         called = frozenset[str]().union(*(chunk.needs for chunk in (*mains, *promised.chunks)))
         if setup is not None:  # `set_frame` calls functions of the camera and of the values of the frame
@@ -169,21 +171,21 @@ def assemble(
         generated |= setup.chunks(parameters, text.uses_time, promised.names)
     linked = link(mains, plan.choices, generated, variants)
     body = [line for chunk in linked.chunks for line in (*chunk.lines, Mapped("", chunk.name))]
-    too_many = _samplers(body) + max(_samplers(chunk.lines) for chunk in mains) - TEXTURE_UNITS
+    too_many = _samplers(body) + max([_samplers(chunk.lines) for chunk in mains]) - TEXTURE_UNITS
     if too_many > 0:
         pictures = [d for d in text.samples.values() if isinstance(d, Texels) and not isinstance(d, Atlas)]
         found = {} if places else packed(pictures, too_many)
         if not found:
             raise _too_many_textures(plan, too_many + TEXTURE_UNITS)
         return assemble(plan, inputs, constants, found, variant)
-    body = trimmed([*body, *_main(mains)], frozenset({tally.COUNT}).union(*(chunk.gives for chunk in mains)))
+    body = trimmed([*body, *_main(mains)], frozenset({tally.COUNT}).union(*[chunk.gives for chunk in mains]))
     body = tally.tallied(body) if plan.tallies else body
     unread = {name for name in text.samples if sum(name in line.text for line in body) == 1} - constants
     body = [line for line in body if line.uniform is None or line.uniform.name not in unread]
     samples = {name: of for name, of in text.samples.items() if name not in unread}
-    names, heads = tuple(p.name for p in passes), tuple(p.head for p in passes)
-    modules = {p.module: p.reason for p in plan.passes} | dict(linked.reasons)
-    return Shader(tuple(body), names, heads, parameters, text.uses_time, samples, modules, constants)
+    named, heads = tuple([p.name for p in passes]), tuple([p.head for p in passes])
+    modules = {p.module: p.reason for p in plan.passes} | linked.reasons
+    return Shader(tuple(body), named, heads, parameters, text.uses_time, samples, modules, constants)
 
 
 def _of_scene(plan: Plan, constant_lights: bool) -> dict[str, Callable[[], Chunk]]:
@@ -341,15 +343,14 @@ def _roots(plan: Plan, values: Values) -> list[Function]:
     return found if plan.standalone else [plan.hoist(function) for function in found]
 
 
-def _records(roots: Sequence[Function]) -> frozenset[Type]:
+def _structs(roots: Sequence[Function]) -> frozenset[Type]:
     """The structs that functions take or return, with those of their fields, and those that such functions call for."""
+    functions = [root for root in roots if root.type.fields]
+    for function in functions:  # grows
+        calls = dict.fromkeys(node.data for node in direct_calls(function.inner) if node.type.fields)
+        functions += [called for called in calls if called not in functions]
+    pending = [value.type for function in (*roots, *functions) for value in (function.body, *function.params)]
     found: set[Type] = set()
-    pending = [type for root in roots for type in (root.type, *(p.type for p in root.params))]
-    structs = [root for root in roots if root.type.fields]
-    for root in structs:
-        calls = dict.fromkeys(node.data for node in direct_calls([root.body]) if node.type.fields)
-        structs += [function for function in calls if function not in structs]
-    pending += [function.type for function in structs]
     while pending:
         type = pending.pop()
         if type.fields and type not in found:
@@ -358,18 +359,14 @@ def _records(roots: Sequence[Function]) -> frozenset[Type]:
     return frozenset(found)
 
 
+def _names(structs: Iterable[Type]) -> frozenset[str]:
+    return frozenset([type.name for type in structs])
+
+
+@lru_cache(64)
 def _declared(type: Type) -> Chunk:
-    lines = [f"struct {type.name} {{", *(f"    {inner} {name};" for name, inner in type.fields), "};"]
+    lines = [f"struct {type.name} {{", *[f"    {inner.name} {name};" for name, inner in type.fields], "};"]
     return Chunk.of(f"struct {type.name}", [Mapped(line, f"struct {type.name}") for line in lines])
-
-
-def _names(roots: Sequence[Function]) -> frozenset[str]:
-    return frozenset(type.name for type in _records(roots))
-
-
-def _promised(roots: Sequence[Function], variables: frozenset[str]) -> Chunk:
-    """The names of the generated functions, before their text is printed."""
-    return Chunk("field", _names(roots) | variables, frozenset(root.name for root in roots), ())
 
 
 def _fields(
@@ -388,8 +385,8 @@ def _fields(
     if lines:
         lines.append(Mapped("", "parameters"))
     lines += _mapped(text, _Places(plan))
-    gives = frozenset(root.name for root in roots)
-    needs = _names(roots) | text.needs | ({tally.COUNT} if plan.tallies else set())
+    gives = frozenset([root.name for root in roots])
+    needs = _names(_structs(roots)) | text.needs | ({tally.COUNT} if plan.tallies else set())
     return Chunk("field", needs, gives, tuple(lines)), parameters, text
 
 
@@ -457,7 +454,7 @@ def _mapped(text: Text, places: _Places) -> list[Mapped]:
 
 def _mapped_line(line: Line, name: str, around: Location | None, places: _Places) -> Mapped:
     source = line.source
-    if source is None or source.where is None or source.is_constant:
+    if source is None or source.where is None or source.op == "const":
         return Mapped(line.text, name, around)
     place = places.of(source)
     if place is not None:

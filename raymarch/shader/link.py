@@ -7,22 +7,54 @@ chunk, or by a module of `raymarch.glsl`. If several modules define it, the plan
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from raymarch import glsl
 from raymarch.glsl import Declared, Module
 from raymarch.shader.chunk import Chunk, Mapped
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Linked:
-    """Chunks in the order of the text, all names that they and what was left out of them define, and the reason of each
-    module, by its name."""
+    """What some chunks, the roots, use.
 
-    chunks: tuple[Chunk, ...]
+    names : all names that are defined there, also in parts of modules that are left out. asked : the name for which
+    each module is linked, and the chunk that uses that name.
+    """
+
+    roots: Sequence[Chunk]
+    used: Sequence[Chunk]
     names: frozenset[str]
-    reasons: Mapping[str, str]
+    asked: Mapping[str, tuple[str, Chunk]]
+    choices: Mapping[str, str]
+    variants: frozenset[str]
+
+    @cached_property
+    def chunks(self) -> tuple[Chunk, ...]:
+        """What the roots use in the order of the text, without the parts of modules that nothing uses."""
+        parts = [p for chunk in self.used for p in _chunks.get((chunk.name, self.variants), (None, chunk, (chunk,)))[2]]
+        givers = {name: part for part in parts for name in part.gives}
+        reached, pending = set[int](), list(self.roots)
+        while pending:
+            for name in pending.pop().needs:
+                part = givers.get(name)
+                if part is not None and id(part) not in reached:
+                    reached.add(id(part))
+                    pending.append(part)
+        kept: dict[str, list[Chunk]] = {}
+        for part in parts:
+            if id(part) in reached:
+                kept.setdefault(part.name, []).append(part)
+        return tuple([_joined(found) for found in kept.values()])
+
+    @property
+    def reasons(self) -> dict[str, str]:
+        """The reason of each linked module, by its name."""
+        kept = {chunk.name for chunk in self.chunks}
+        asked = {name: asking for name, asking in self.asked.items() if name in kept}
+        return {name: self.choices.get(name) or f"used by {_use_of(*asking)}" for name, asking in asked.items()}
 
 
 def module(name: str, variants: frozenset[str] = frozenset()) -> Chunk:
@@ -58,31 +90,13 @@ def _parts(chunk: Chunk) -> Iterator[Chunk]:
     yield Chunk.of(chunk.name, lines)
 
 
-def _trimmed(chunks: Iterable[Chunk], roots: Sequence[Chunk], variants: frozenset[str]) -> tuple[Chunk, ...]:
-    """The chunks without the parts of modules that neither the roots use nor what they use."""
-    parts = [part for chunk in chunks for part in _chunks.get((chunk.name, variants), (None, chunk, (chunk,)))[2]]
-    givers = {name: part for part in parts for name in part.gives}
-    reached, pending = set[int](), list(roots)
-    while pending:
-        for name in pending.pop().needs:
-            part = givers.get(name)
-            if part is not None and id(part) not in reached:
-                reached.add(id(part))
-                pending.append(part)
-    kept: dict[str, list[Chunk]] = {}
-    for part in parts:
-        if id(part) in reached:
-            kept.setdefault(part.name, []).append(part)
-    return tuple(_joined(found) for found in kept.values())
-
-
 def _joined(parts: list[Chunk]) -> Chunk:
     if len(parts) == 1 and (not parts[0].lines or parts[0].lines[0].text):
         return parts[0]
     lines = [line for part in parts for line in part.lines]
-    lines = lines[not lines[0].text :]
-    needs, gives = (frozenset[str]().union(*names) for names in zip(*((p.needs, p.gives) for p in parts), strict=True))
-    return Chunk(parts[0].name, needs - gives, gives, tuple(lines))
+    gives = frozenset[str]().union(*[part.gives for part in parts])
+    needs = frozenset[str]().union(*[part.needs for part in parts])
+    return Chunk(parts[0].name, needs - gives, gives, tuple(lines[not lines[0].text :]))
 
 
 def link(
@@ -107,12 +121,10 @@ def link(
                 raise AssertionError(f"both {chosen[given]} and {choice} are chosen to give {given}")
     order: dict[str, Chunk] = {}
     givers: dict[str, Chunk] = {}
-    reasons: dict[str, str] = {}
+    asked: dict[str, tuple[str, Chunk]] = {}
     entered: list[str] = []
 
-    def giver(name: str, asking: Chunk) -> Chunk:
-        if name in givers:
-            return givers[name]
+    def give(name: str, asking: Chunk) -> Chunk:
         if name in generated:
             found = generated[name]()
         else:
@@ -120,31 +132,28 @@ def link(
             if len(names) != 1:
                 raise AssertionError(f"{asking.name} uses {name}, which {' and '.join(names) or 'nothing'} gives")
             found = module(names[0], variants)
-            reasons[found.name] = choices.get(found.name) or f"used by {_use_of(name, asking)}"
+            asked[found.name] = name, asking
         for given in found.gives:
             if givers.setdefault(given, found).name != found.name:
                 raise AssertionError(f"both {givers[given].name} and {found.name} give {given}")
         return found
 
-    def place(chunk: Chunk) -> None:
-        if chunk.name in order:
-            return
-        if chunk.name in entered:
-            raise AssertionError(f"{' uses '.join([*entered, chunk.name])}")
-        entered.append(chunk.name)
-        follow(chunk)
-        entered.pop()
-        order[chunk.name] = chunk
-
     def follow(chunk: Chunk) -> None:
+        """Place what a chunk uses."""
         for name in sorted(chunk.needs):
-            place(giver(name, chunk))
+            found = givers.get(name) or give(name, chunk)
+            if found.name in order:
+                continue
+            if found.name in entered:
+                raise AssertionError(f"{' uses '.join([*entered, found.name])}")
+            entered.append(found.name)
+            follow(found)
+            entered.pop()
+            order[found.name] = found
 
     for root in roots:
         follow(root)
-    chunks = _trimmed(order.values(), roots, variants)
-    kept = {chunk.name for chunk in chunks}
-    return Linked(chunks, frozenset(givers), {name: reason for name, reason in reasons.items() if name in kept})
+    return Linked(roots, tuple(order.values()), frozenset(givers), asked, choices, variants)
 
 
 def _use_of(name: str, asking: Chunk) -> str:
