@@ -97,7 +97,7 @@ class Function:
             takes = ", ".join(f"{p.type} {p.data}" for p in self.params)
             gets = ", ".join(a.type.name for a in values)
             raise SceneError(f"{self.name}({takes}) was given ({gets})", legal=f"({takes})")
-        return make("call", self.type, values, self)
+        return make("call", self.body.type, values, self)
 
     def inline(self, *args: Expr) -> Expr:
         """The body with the parameters replaced."""

@@ -127,7 +127,7 @@ def print_functions(
     trees: dict[Function, Branch] | None = {} if branches else None
     order = _callees_first(roots, trees)
     names: dict[Function, str] = {}
-    expressions = [e for f in roots for e in f.inner]
+    expressions = [root.body for root in roots]
     uniforms = _uniforms(expressions, frozenset(taken))
     occupied = {*taken, *uniforms, TIME}
     occupied |= _names_in_raw(expressions, occupied.union(root.name for root in roots))
@@ -194,7 +194,7 @@ def _callees_first(roots: Sequence[Function], trees: dict[Function, Branch] | No
             tree = branched(definition) if trees is not None else None
             if trees is not None and tree is not None:
                 trees[definition] = tree
-            callees = [call.data for call in direct_calls(roots_of(tree) if tree else definition.inner)]
+            callees = [call.data for call in direct_calls(roots_of(tree) if tree else (definition.body,))]
             stack.extend((callee, False) for callee in reversed(callees))
     return list(order)
 
@@ -225,9 +225,8 @@ class FunctionPrinter:
         self.wanted = dict(self.definition.names)
         for param in self.definition.params:
             self.names[param] = self._name(param.data)
-        params = [(p.type, self.names[p]) for p in self.definition.params]
-        head = self.text.dialect.head(self.text.names[self.definition], self.definition.type, params)
-        body = self.definition.body
+        params, body = [(p.type, self.names[p]) for p in self.definition.params], self.definition.body
+        head = self.text.dialect.head(self.text.names[self.definition], body.type, params)
         self._return(self.text.trees.get(self.definition) or Leaf((body,), {}))
         return [Line(head, body), *self.lines, Line("}", None)]
 
@@ -260,23 +259,27 @@ class FunctionPrinter:
         after : what is printed later, and may share values with the roots.
         """
         loops: dict[Expr, _OpenLoop] = {}
-        uses: defaultdict[Expr, int] = defaultdict(int)
-        for root in roots:
-            uses[root] += 1
 
         def arguments(node: Expr) -> tuple[Expr, ...]:
             if node in self.names:
                 return ()
-            args = node.args
-            if node.op == "loop":
+            if node.op != "loop":
+                return node.args
+            if node not in loops:
                 loops[node] = self._open(node)
-                args = (*args[: len(node.data.state)], *loops[node].hoisted)
-            for arg in args:
-                uses[arg] += 1
-            return args
+            return (*node.args[: len(node.data.state)], *loops[node].hoisted)
 
-        order = topological(roots, arguments)
+        order = topological(roots)
+        plain = "loop" not in {node.op for node in order} and self._read_whole(order)
+        if not plain:
+            order = topological(roots, arguments)
         here = set(order)
+        uses: defaultdict[Expr, int] = defaultdict(int)
+        for root in roots:
+            uses[root] += 1
+        for node in order:
+            for arg in node.args if plain else arguments(node):
+                uses[arg] += 1
         for node in topological(after, lambda node: () if node in here else node.args) if after else ():
             uses[node] += node in here
         forced = {h for opened in loops.values() for h in opened.hoisted}
@@ -301,6 +304,10 @@ class FunctionPrinter:
                 i, root = waiting.pop(0)
                 finish(i, pieces[root])
 
+    def _read_whole(self, order: Sequence[Expr]) -> bool:
+        """True if none of some expressions has a name in place of its arguments."""
+        return not [node for node in self.names.keys() & set(order) if node.args]
+
     def _is_cheap(self, node: Expr) -> bool:
         while node.op in ("swizzle", "field", "neg", "within", "stop_gradient") and node not in self.names:
             node = node.args[0]
@@ -317,7 +324,7 @@ class FunctionPrinter:
         if node.op == "var":  # a variable of the shader, or an element of an array
             self.text.needs.add(node.data.partition("[")[0])
             return Piece(node.data, ATOM, 0)
-        args = [pieces[arg] for arg in node.args]
+        args = list(map(pieces.__getitem__, node.args))
         if node.op == "call":
             return call_text(self.text.names[node.data], args, node.args)
         return self.text.dialect.templates[node.op](self, node, args)

@@ -10,7 +10,7 @@ import sys
 import threading
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from os.path import abspath, dirname, sep
 from types import FrameType
 from typing import Any, TypeAlias, TypeVar, overload
@@ -31,13 +31,13 @@ Floats: TypeAlias = NDArray[np.floating[Any]]
 Method: TypeAlias = Callable[["Expr", "Operand"], "Expr"]
 
 
-def _operators(compute: Callable[[Operand, Operand], Expr]) -> tuple[Method, Method]:
-    """The methods of an operator, with the expression on the left and on the right."""
+def _operators(op: str) -> tuple[Method, Method]:
+    """The methods of an operator, with the expression on the left and on the right; see `_COMPUTED`."""
 
     def left(self: Expr, other: Operand) -> Expr:  # a class with operators of its own says so, as textures do
-        return NotImplemented if getattr(other, "OPERAND", False) else compute(self, other)
+        return NotImplemented if getattr(other, "OPERAND", False) else _COMPUTED[op](self, other)
 
-    return left, lambda self, other: compute(other, self)
+    return left, lambda self, other: _COMPUTED[op](other, self)
 
 
 def _function(op: str) -> Callable[[Expr], Expr]:
@@ -130,19 +130,19 @@ class Expr:
         return CALLED["universal"](ufunc.__name__, method, inputs, options)
 
     # Arithmetic, as in GLSL: scalars are broadcast over vectors. Comparisons give booleans; == stays identity, because
-    # equal expressions are one object. The functions are defined below.
-    __add__, __radd__ = _operators(lambda a, b: elementwise("add", a, b))
-    __sub__, __rsub__ = _operators(lambda a, b: elementwise("sub", a, b))
-    __mul__, __rmul__ = _operators(lambda a, b: product(a, b))
-    __matmul__, __rmatmul__ = _operators(lambda a, b: product(a, b))
-    __truediv__, __rtruediv__ = _operators(lambda a, b: elementwise("div", a, b))
-    __mod__, __rmod__ = _operators(lambda a, b: elementwise("mod", a, b))
-    __floordiv__, __rfloordiv__ = _operators(lambda a, b: elementwise("floor", elementwise("div", a, b)))
-    __pow__, __rpow__ = _operators(lambda a, b: _power(a, b))
-    __lt__, __gt__ = _operators(lambda a, b: compare("lt", a, b))
-    __le__, __ge__ = _operators(lambda a, b: compare("le", a, b))
-    __and__ = _operators(lambda a, b: logic("and", a, b))[0]
-    __or__ = _operators(lambda a, b: logic("or", a, b))[0]
+    # equal expressions are one object.
+    __add__, __radd__ = _operators("add")
+    __sub__, __rsub__ = _operators("sub")
+    __mul__, __rmul__ = _operators("mul")
+    __matmul__, __rmatmul__ = _operators("mul")
+    __truediv__, __rtruediv__ = _operators("div")
+    __mod__, __rmod__ = _operators("mod")
+    __floordiv__, __rfloordiv__ = _operators("floordiv")
+    __pow__, __rpow__ = _operators("pow")
+    __lt__, __gt__ = _operators("lt")
+    __le__, __ge__ = _operators("le")
+    __and__ = _operators("and")[0]
+    __or__ = _operators("or")[0]
     __neg__, __abs__ = _function("neg"), _function("abs")
     __round__, __floor__, __ceil__ = _function("round"), _function("floor"), _function("ceil")
 
@@ -282,7 +282,7 @@ def expr(value: Operand) -> Expr:
     if isinstance(value, Expr):
         return value
     if isinstance(value, bool | float):
-        return const(value)
+        return const(value, FLOAT if type(value) is float else None)
     if isinstance(value, tuple | list) and any(isinstance(item, Expr) for item in value):
         return construct(*value)
     if isinstance(value, str):
@@ -344,16 +344,11 @@ def _widest(op: str, args: tuple[Expr, ...]) -> Type:
     return widest
 
 
-def _power(x: Operand, y: Operand) -> Expr:
-    made: Expr = CALLED["power"](x, y)
-    return made
-
-
 def product(a: Operand, b: Operand) -> Expr:
     """GLSL's `*`: by component, or the linear-algebra product where a matrix takes part."""
     left, right = args = exprs((a, b))
     if not (left.type.is_matrix or right.type.is_matrix) or FLOAT in (left.type, right.type):
-        return elementwise("mul", *args)
+        return simplify("mul", _widest("mul", args), args)
     if left.type.size != right.type.size:
         raise SceneError(f"{left.type} * {right.type}: sizes differ", legal="a matrix and a vector of one size")
     if left.type.is_vector:  # v * M == transpose(M) * v
@@ -382,6 +377,16 @@ def swizzle(value: Expr, components: str) -> Expr:
         raise SceneError(f"a {value.type} has no component '{components}'", legal="x, y, z, w of a vector")
     return simplify("swizzle", vector(len(components)), (value,), components)
 
+
+_COMPUTED: dict[str, Callable[[Operand, Operand], Expr]] = {
+    **{op: partial(elementwise, op) for op in ("add", "sub", "div", "mod")},
+    "mul": product,
+    "floordiv": lambda a, b: elementwise("floor", elementwise("div", a, b)),
+    "pow": lambda a, b: CALLED["power"](a, b),
+    **{op: partial(compare, op) for op in ("lt", "le")},
+    **{op: partial(logic, op) for op in ("and", "or")},
+}
+"""The functions of Python's operators."""
 
 _PARTS = frozenset((FLOAT, *VECTORS.values()))
 

@@ -73,7 +73,7 @@ def constant(node: Expr) -> str:
     numbers = np.asarray(node.data).T.ravel()  # GLSL lists a matrix by columns
     if node.type.is_vector and np.all(numbers == numbers[0]):
         numbers = numbers[:1]
-    return f"{node.type}({', '.join(literal(float(x)) for x in numbers)})"
+    return f"{node.type.name}({', '.join(map(literal, numbers.tolist()))})"
 
 
 def wrap(piece: Piece, binding: int) -> Piece:

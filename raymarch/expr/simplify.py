@@ -242,7 +242,7 @@ def components(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr |
     if op == "construct":
         if len(args) == 1:
             return args[0]
-        if any(arg.op == "construct" and len(set(arg.args)) > 1 for arg in args):
+        if any(arg.op == "construct" and len({*arg.args}) > 1 for arg in args):
             parts = [p for arg in args for p in (arg.args if arg.op == "construct" else (arg,))]
             return construct(*parts)
         source = args[0].args[0] if args[0].op == "swizzle" else None

@@ -241,7 +241,7 @@ def _neighbours_joined(node: Expr, pieces: Sequence[Piece]) -> tuple[list[Piece]
 
 
 def _construct(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-    if all(a is node.args[0] for a in node.args) and node.args[0].type is FLOAT:
+    if node.args.count(node.args[0]) == len(node.args) and node.args[0].type is FLOAT:
         return call_text(node.type.name, pieces[:1], node.args[:1])
     joined, sources = _neighbours_joined(node, pieces)
     if len(joined) == 1 and sources[0].op == "swizzle":

@@ -115,8 +115,9 @@ def rebuild(node: Expr, args: tuple[Expr, ...]) -> Expr:
 def rewrite(roots: Iterable[Expr], rule: Callable[[Expr, tuple[Expr, ...]], Expr]) -> dict[Expr, Expr]:
     """Replace bottom-up: `rule(node, new arguments)` returns the replacement of each node."""
     new: dict[Expr, Expr] = {}
+    replaced = new.__getitem__
     for node in topological(roots):
-        new[node] = rule(node, tuple([new[arg] for arg in node.args]))
+        new[node] = rule(node, tuple(map(replaced, node.args)))
     return new
 
 
@@ -127,9 +128,10 @@ def substitute(roots: Iterable[Expr], replacements: Mapping[Expr, Expr]) -> list
     if replacements.keys().isdisjoint(order):
         return roots
     new: dict[Expr, Expr] = {}
+    replaced = new.__getitem__
     for node in order:
         found = replacements.get(node)
-        new[node] = rebuild(node, tuple([new[arg] for arg in node.args])) if found is None else found
+        new[node] = rebuild(node, tuple(map(replaced, node.args))) if found is None else found
     return [new[root] for root in roots]
 
 
@@ -137,7 +139,7 @@ def depends_on(roots: Iterable[Expr], variables: Iterable[Expr]) -> set[Expr]:
     """Every expression below the roots whose value changes with one of the variables."""
     dependent = set(variables)
     for node in topological(roots):
-        if any(arg in dependent for arg in node.args):
+        if not dependent.isdisjoint(node.args):
             dependent.add(node)
     return dependent
 
@@ -150,10 +152,14 @@ def free_variables(roots: Iterable[Expr]) -> list[Expr]:
 def direct_calls(roots: Sequence[Expr]) -> list[Expr]:
     """The calls of functions below the roots, also those in loops."""
     calls: list[Expr] = []
-    nodes = topological(roots)
-    while nodes:
-        calls += [n for n in nodes if n.op == "call"]
-        nodes = topological([inner for n in nodes if n.op == "loop" for inner in n.data.inner])
+    pending = list(roots)
+    while pending:
+        nodes, pending = topological(pending), []
+        for node in nodes:
+            if node.op == "call":
+                calls.append(node)
+            elif node.op == "loop":
+                pending += node.data.inner
     return calls
 
 

@@ -214,7 +214,7 @@ def signature(light: Light) -> Signature:
 
 def visible(scene: Scene) -> list[Light]:
     """The lights that rays show."""
-    return [light for light in scene.lights if table(scene).forms[key(light)].ray is not None]
+    return [x for x in scene.lights if x.visible and table(scene).forms[key(x)].ray is not None]
 
 
 def with_discs(scene: Scene) -> Scene:

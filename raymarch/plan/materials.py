@@ -111,7 +111,7 @@ normal and footprint in the space of the point."""
 def _fields(name: str, names: Sequence[str]) -> Wanted:
     def wanted(values: dict[str, Expr]) -> Expr:
         chosen = [values[n] for n in names]
-        type = struct(name, tuple((n, value.type) for n, value in zip(names, chosen, strict=True)))
+        type = struct(name, tuple(zip(names, [value.type for value in chosen], strict=True)))
         return record(type, *chosen)
 
     return wanted

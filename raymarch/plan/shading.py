@@ -14,6 +14,9 @@ from raymarch.scene.material import Material
 from raymarch.scene.scene import Scene
 from raymarch.scene.sky import Sky
 from raymarch.scene.surfaces import bsdf_of
+from raymarch.sdf.labels import seen_labels
+from raymarch.sdf.node import Node
+from raymarch.sdf.same import remembered
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +44,12 @@ def with_gradient(scene: Scene) -> bool:
 
 def mapped(scene: Scene) -> bool:
     """True if a material has a texture or a relief, so that it depends on the normal and the footprint."""
-    return any(m.textured or m.relief for m in scene.materials)
+    return _mapped(scene.node)
+
+
+@remembered
+def _mapped(solid: Node) -> bool:
+    return any(m is not None and (m.textured or m.relief) for m in seen_labels(solid))
 
 
 def has_relief(scene: Scene) -> bool:
@@ -51,7 +59,12 @@ def has_relief(scene: Scene) -> bool:
 
 def patterned(scene: Scene) -> bool:
     """True if a material depends on the point. Materials are then evaluated just inside the solid."""
-    return mapped(scene) or any(m.patterned for m in scene.materials)
+    return mapped(scene) or _patterned(scene.node)
+
+
+@remembered
+def _patterned(solid: Node) -> bool:
+    return any(m is not None and m.patterned for m in seen_labels(solid))
 
 
 def _emits_pattern(scene: Scene) -> bool:

@@ -158,7 +158,7 @@ def assemble(
     promised = link(mains, plan.choices, generated, variants)
     taken = promised.names.union({"PASS"}, *[chunk.gives for chunk in mains]) - names
     if plan.analytic.used or plan.advance is not None:
-        called = frozenset[str]().union(*(chunk.needs for chunk in (*mains, *promised.chunks)))
+        called = frozenset[str]().union(*[part.needs for parts in (mains, *promised.parts.values()) for part in parts])
         if setup is not None:  # `set_frame` calls functions of the camera and of the values of the frame
             called |= {function.name for function in values.functions}
         asked = [root for root in roots if root.name in called]
@@ -170,7 +170,7 @@ def assemble(
     if setup is not None:
         generated |= setup.chunks(parameters, text.uses_time, promised.names)
     linked = link(mains, plan.choices, generated, variants)
-    body = [line for chunk in linked.chunks for line in (*chunk.lines, Mapped("", chunk.name))]
+    body = linked.lines
     too_many = _samplers(body) + max([_samplers(chunk.lines) for chunk in mains]) - TEXTURE_UNITS
     if too_many > 0:
         pictures = [d for d in text.samples.values() if isinstance(d, Texels) and not isinstance(d, Atlas)]
@@ -206,8 +206,8 @@ def assemble_effect(chosen: Pass) -> Shader:
     """The shader of a post effect, which contains nothing of the scene."""
     main = module(chosen.module)
     linked = link([main], {}, {})
-    body = [line for chunk in linked.chunks for line in (*chunk.lines, Mapped("", chunk.name))]
-    return Shader(tuple(trimmed([*body, *main.lines])), (chosen.name,), (chosen.head,), {}, False, {}, linked.reasons)
+    body = tuple(trimmed([*linked.lines, *main.lines]))
+    return Shader(body, (chosen.name,), (chosen.head,), {}, False, {}, linked.reasons)
 
 
 def _main(mains: Sequence[Chunk]) -> list[Mapped]:
@@ -345,9 +345,9 @@ def _roots(plan: Plan, values: Values) -> list[Function]:
 
 def _structs(roots: Sequence[Function]) -> frozenset[Type]:
     """The structs that functions take or return, with those of their fields, and those that such functions call for."""
-    functions = [root for root in roots if root.type.fields]
+    functions = [root for root in roots if root.body.type.fields]
     for function in functions:  # grows
-        calls = dict.fromkeys(node.data for node in direct_calls(function.inner) if node.type.fields)
+        calls = dict.fromkeys(node.data for node in direct_calls([function.body]) if node.type.fields)
         functions += [called for called in calls if called not in functions]
     pending = [value.type for function in (*roots, *functions) for value in (function.body, *function.params)]
     found: set[Type] = set()
@@ -432,9 +432,7 @@ def _mapped(text: Text, places: _Places) -> list[Mapped]:
     """The printed functions, each line with its origin."""
     lines: list[Mapped] = []
     owners = {name: owner for owner, name in text.names.items()}
-    given = {
-        f.name: f.where for f in (node.data for node in find([e for o in owners.values() for e in o.inner], "raw"))
-    }
+    given = {f.name: f.where for f in (node.data for node in find([owner.body for owner in owners.values()], "raw"))}
     for (helper, kind), code in text.helpers.items():
         if kind == "raw":
             by, where = f"of the GLSL of {helper}", given.get(helper)

@@ -62,8 +62,8 @@ def _clip(text: Lines, plan: Plan, name: str, ends: Ends) -> None:
 
 
 def _clipped(ends: Ends) -> str:
-    low = ", ".join(literal(-OPEN if end is None else end) for _, end, _ in ends)
-    high = ", ".join(literal(OPEN if end is None else end) for _, _, end in ends)
+    low = ", ".join([literal(-OPEN if end is None else end) for _, end, _ in ends])
+    high = ", ".join([literal(OPEN if end is None else end) for _, _, end in ends])
     return f"clip_to_box(ray, range, vec3({low}), vec3({high}))"
 
 
@@ -92,9 +92,8 @@ def box_ends(facts: Facts) -> Ends:
     """
     found: Ends = []
     for i, axis in enumerate("xyz"):
-        ends = [float(facts.lower[i]), float(facts.upper[i])]
-        largest = max([abs(e) for e in ends if np.isfinite(e)], default=0.0)
-        pad = 2.0**-20 * max(largest, 2.0**-60)  # 8 ulp of the box's coordinates
-        low, high = (e + d if np.isfinite(e) else None for e, d in zip(ends, (-pad, pad), strict=True))
-        found.append((axis, low, high))
+        low, high = ends = float(facts.lower[i]), float(facts.upper[i])
+        pad = 2.0**-20 * max([abs(e) for e in ends if np.isfinite(e)], default=0.0)  # 8 ulp of the box's coordinates
+        pad = max(pad, 2.0**-80)
+        found.append((axis, low - pad if np.isfinite(low) else None, high + pad if np.isfinite(high) else None))
     return found

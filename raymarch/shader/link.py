@@ -32,8 +32,8 @@ class Linked:
     variants: frozenset[str]
 
     @cached_property
-    def chunks(self) -> tuple[Chunk, ...]:
-        """What the roots use in the order of the text, without the parts of modules that nothing uses."""
+    def parts(self) -> dict[str, list[Chunk]]:
+        """The parts of chunks that the roots use, directly or not, by the names of the chunks."""
         parts = [p for chunk in self.used for p in _chunks.get((chunk.name, self.variants), (None, chunk, (chunk,)))[2]]
         givers = {name: part for part in parts for name in part.gives}
         reached, pending = set[int](), list(self.roots)
@@ -47,13 +47,22 @@ class Linked:
         for part in parts:
             if id(part) in reached:
                 kept.setdefault(part.name, []).append(part)
-        return tuple([_joined(found) for found in kept.values()])
+        return kept
+
+    @property
+    def lines(self) -> list[Mapped]:
+        """The text of what the roots use: chunks without the parts that nothing uses, and an empty line after each."""
+        found: list[Mapped] = []
+        for name, parts in self.parts.items():
+            lines = [line for part in parts for line in part.lines]
+            found += lines[1:] if lines and not lines[0].text else lines
+            found.append(Mapped("", name))
+        return found
 
     @property
     def reasons(self) -> dict[str, str]:
         """The reason of each linked module, by its name."""
-        kept = {chunk.name for chunk in self.chunks}
-        asked = {name: asking for name, asking in self.asked.items() if name in kept}
+        asked = {name: asking for name, asking in self.asked.items() if name in self.parts}
         return {name: self.choices.get(name) or f"used by {_use_of(*asking)}" for name, asking in asked.items()}
 
 
@@ -88,15 +97,6 @@ def _parts(chunk: Chunk) -> Iterator[Chunk]:
             lines = []
         lines.append(line)
     yield Chunk.of(chunk.name, lines)
-
-
-def _joined(parts: list[Chunk]) -> Chunk:
-    if len(parts) == 1 and (not parts[0].lines or parts[0].lines[0].text):
-        return parts[0]
-    lines = [line for part in parts for line in part.lines]
-    gives = frozenset[str]().union(*[part.gives for part in parts])
-    needs = frozenset[str]().union(*[part.needs for part in parts])
-    return Chunk(parts[0].name, needs - gives, gives, tuple(lines[not lines[0].text :]))
 
 
 def link(
@@ -158,7 +158,7 @@ def link(
 
 def _use_of(name: str, asking: Chunk) -> str:
     """What uses a name: the module, or the part of the scene that the line was generated for, with the user's line."""
-    line = next((line for line in asking.lines if name in line.text), None)
-    if line is None or line.made_by.startswith("line "):
-        return asking.name
-    return line.made_by.partition(",")[0] + (f" at {line.where}" if line.where else "")
+    for line in asking.lines:
+        if name in line.text and not line.made_by.startswith("line "):
+            return line.made_by.partition(",")[0] + (f" at {line.where}" if line.where else "")
+    return asking.name

@@ -31,7 +31,7 @@ def test_what_is_used_comes_first_and_what_is_not_used_stays_out() -> None:
         epsilon_pixels="const float epsilon_pixels = 1.0;",
     )
     linked = link([MAIN], {"march/widths": "chosen", "view/camera": "chosen"}, generated)
-    order = [part.name for part in linked.chunks]
+    order = list(linked.parts)
     for before, after in (
         ("base", "lit"),
         ("base", "shade"),
