@@ -10,16 +10,21 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import CodeType, MappingProxyType
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeAlias, TypeVar, get_type_hints
 from weakref import WeakValueDictionary
 
 from raymarch.errors import Location, SceneError, is_users
 from raymarch.expr.convert import short
 from raymarch.expr.node import Expr, Operand, const, elementwise, expr, exprs, make, var
-from raymarch.expr.types import BOOL, FLOAT, STATE, Type
+from raymarch.expr.types import BOOL, FLOAT, STATE, VEC2, VEC3, Type
 from raymarch.expr.walk import free_variables, substitute
 
 T = TypeVar("T")
+
+FloatExpr: TypeAlias = Annotated[Expr, FLOAT]
+Vec2Expr: TypeAlias = Annotated[Expr, VEC2]
+Vec3Expr: TypeAlias = Annotated[Expr, VEC3]
+"""Expressions of a type, as annotations of the parameters of a `function`."""
 
 _functions: WeakValueDictionary[tuple[Any, ...], Function] = WeakValueDictionary()
 """All functions by content and line, so that unpickling returns the existing object."""
@@ -150,9 +155,10 @@ def _trace(
 
 
 def function(called: str = "", /, **types: Type) -> Callable[[Callable[..., Any]], Function]:
-    """Decorator: define a helper as a GLSL function; the types of its parameters are given by name.
+    """Decorator: define a helper as a GLSL function.
 
-    called : the name of the GLSL function, if it is not that of the definition.
+    called : the name of the GLSL function, if it is not that of the definition. types : of its parameters, by name; or
+        none, and annotations such as `Vec3Expr`.
 
     The definition runs once on symbolic parameters: a user's at once, so that its errors are raised there, and one of
     this package when the function is first used, because together they would take most of the time of the import.
@@ -161,10 +167,16 @@ def function(called: str = "", /, **types: Type) -> Callable[[Callable[..., Any]
     def decorate(definition: Callable[..., Any]) -> Function:
         name, code = called or definition.__name__, definition.__code__
         if is_users(code.co_filename):
-            return trace(name, definition, list(types.items()))
-        return _Deferred(name, lambda: _trace(name, definition, list(types.items()), code))
+            return trace(name, definition, list((types or _annotated(definition)).items()))
+        return _Deferred(name, lambda: _trace(name, definition, list((types or _annotated(definition)).items()), code))
 
     return decorate
+
+
+def _annotated(definition: Callable[..., Any]) -> dict[str, Type]:
+    """The types of the parameters of a definition, by its annotations."""
+    hints = get_type_hints(definition, include_extras=True)
+    return {name: hint.__metadata__[0] for name, hint in hints.items() if name != "return"}
 
 
 _deferred: dict[str, list[_Deferred]] = {}

@@ -56,7 +56,6 @@ def _is_rigid(linear: Expr, tolerance: float = 8 * np.finfo(np.float64).eps) -> 
     exactness="bound",
     bounds=lambda child, linear: linear @ child.box,
     spread=lambda child, linear, stretch: child.spread * spread_through(linear) / stretch,
-    convex=True,
     dimension="any",
     called="transform",
     placing="stretch",

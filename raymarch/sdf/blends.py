@@ -13,9 +13,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from raymarch.expr.function import function
+from raymarch.expr.function import FloatExpr, function
 from raymarch.expr.node import Expr, const, expr
-from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import clamp, exp2, length, log2, max, min, mod, round, sqrt, vec2
 
 Fold = Callable[..., Expr]
@@ -23,45 +22,45 @@ Fold = Callable[..., Expr]
 ROOT_HALF = math.sqrt(0.5)
 
 
-@function(a=FLOAT, b=FLOAT, k=FLOAT)
-def smooth_min(a: Expr, b: Expr, k: Expr) -> Expr:
+@function()
+def smooth_min(a: FloatExpr, b: FloatExpr, k: FloatExpr) -> Expr:
     """Quadratic smooth minimum: min(a, b) where |a - b| >= k, smooth_min(a, a, k) = a - k/4."""
     h = max(k - abs(a - b), 0.0) / k
     return min(a, b) - h * h * k * 0.25
 
 
-@function(a=FLOAT, b=FLOAT, k=FLOAT)
-def cubic_min(a: Expr, b: Expr, k: Expr) -> Expr:
+@function()
+def cubic_min(a: FloatExpr, b: FloatExpr, k: FloatExpr) -> Expr:
     """Twice differentiable; works within |a - b| < 1.5 k."""
     h = max(1.5 * k - abs(a - b), 0.0) / (1.5 * k)
     return min(a, b) - h * h * h * k * 0.25
 
 
-@function(a=FLOAT, b=FLOAT, k=FLOAT)
-def quartic_min(a: Expr, b: Expr, k: Expr) -> Expr:
+@function()
+def quartic_min(a: FloatExpr, b: FloatExpr, k: FloatExpr) -> Expr:
     """Twice differentiable with a shorter reach: |a - b| < 4 k / 3."""
     h = max(4.0 / 3.0 * k - abs(a - b), 0.0) / (4.0 / 3.0 * k)
     return min(a, b) - h * h * h * (4.0 - h) * k / 12.0
 
 
-@function(a=FLOAT, b=FLOAT, k=FLOAT)
-def circular_min(a: Expr, b: Expr, k: Expr) -> Expr:
+@function()
+def circular_min(a: FloatExpr, b: FloatExpr, k: FloatExpr) -> Expr:
     """The curve of min(a, b) over a - b is an arc of a circle."""
     reach = k * (0.25 / (1.0 - ROOT_HALF))
     h = max(reach - abs(a - b), 0.0) / reach
     return min(a, b) - 0.5 * reach * (1.0 + h - sqrt(1.0 - h * (h - 2.0)))
 
 
-@function(a=FLOAT, b=FLOAT, k=FLOAT)
-def exponential_min(a: Expr, b: Expr, k: Expr) -> Expr:
+@function()
+def exponential_min(a: FloatExpr, b: FloatExpr, k: FloatExpr) -> Expr:
     """-log of a sum of powers of 2; the smaller distance is factored out, so that nothing overflows. It acts
     at all distances, and the order of the operands does not matter."""
     width = 0.25 * k
     return min(a, b) - width * log2(1.0 + exp2(-abs(a - b) / width))
 
 
-@function(a=FLOAT, b=FLOAT, k=FLOAT)
-def root_min(a: Expr, b: Expr, k: Expr) -> Expr:
+@function()
+def root_min(a: FloatExpr, b: FloatExpr, k: FloatExpr) -> Expr:
     """A branch of a hyperbola; it acts at all distances. The smaller distance is factored out: its sum with a large
     one would round it."""
     gap, width = abs(a - b), 0.5 * k
@@ -72,20 +71,20 @@ def _round_fold(a: Expr, b: Expr, radius: Expr) -> Expr:
     return max(radius, min(a, b)) - length(max(vec2(radius - a, radius - b), 0.0))
 
 
-@function(a=FLOAT, b=FLOAT, k=FLOAT)
-def circular_geometric_min(a: Expr, b: Expr, k: Expr) -> Expr:
+@function()
+def circular_geometric_min(a: FloatExpr, b: FloatExpr, k: FloatExpr) -> Expr:
     """A true quarter of a circle where the surfaces meet at a right angle; the order does not matter."""
     return _round_fold(a, b, k * (0.25 / (math.sqrt(2.0) - 1.0)))
 
 
-@function(a=FLOAT, b=FLOAT, k=FLOAT)
-def round_min(a: Expr, b: Expr, k: Expr) -> Expr:
+@function()
+def round_min(a: FloatExpr, b: FloatExpr, k: FloatExpr) -> Expr:
     """A fillet whose radius is k where the surfaces meet at a right angle."""
     return _round_fold(a, b, k)
 
 
-@function(a=FLOAT, b=FLOAT, k=FLOAT)
-def chamfer_min(a: Expr, b: Expr, k: Expr) -> Expr:
+@function()
+def chamfer_min(a: FloatExpr, b: FloatExpr, k: FloatExpr) -> Expr:
     """A bevel whose legs are k where the surfaces meet at a right angle."""
     return min(min(a, b), ROOT_HALF * (a + b - k))
 
@@ -93,8 +92,8 @@ def chamfer_min(a: Expr, b: Expr, k: Expr) -> Expr:
 def stairs(steps: int) -> Fold:
     """Steps up from one surface to the other."""
 
-    @function(a=FLOAT, b=FLOAT, k=FLOAT)
-    def stairs_min(a: Expr, b: Expr, k: Expr) -> Expr:
+    @function()
+    def stairs_min(a: FloatExpr, b: FloatExpr, k: FloatExpr) -> Expr:
         tread = k / float(steps)
         along = b - k - a
         return min(min(a, b), 0.5 * (b - k + a + abs(mod(along + tread, 2.0 * tread) - tread)))
@@ -105,8 +104,8 @@ def stairs(steps: int) -> Fold:
 def columns(count: int) -> Fold:
     """A row of half-round columns along the bevel."""
 
-    @function(a=FLOAT, b=FLOAT, k=FLOAT)
-    def columns_min(a: Expr, b: Expr, k: Expr) -> Expr:
+    @function()
+    def columns_min(a: FloatExpr, b: FloatExpr, k: FloatExpr) -> Expr:
         radius = k * (ROOT_HALF / count)
         across, along = ROOT_HALF * (a + b - k) + radius, ROOT_HALF * (b - a)
         shift = 0.0 if count % 2 else 0.5

@@ -60,11 +60,6 @@ def first(children: Sequence[ChildFacts], **_: Any) -> tuple[Expr, Expr]:
     return children[0].lower, children[0].upper
 
 
-def widest(children: Sequence[ChildFacts], **_: Any) -> Expr:
-    """The largest spread of the operands."""
-    return balanced([c.spread for c in children], max)
-
-
 def spread_of_first(children: Sequence[ChildFacts], **_: Any) -> Expr:
     """The spread of the first operand: a subtracted solid never makes the field smaller."""
     return children[0].spread
@@ -85,7 +80,7 @@ def within(children: Sequence[ChildFacts], margin: Any = 0.0) -> list[tuple[Expr
 @combination(
     bounds=hull,
     exactness=_exact_if_apart,
-    spread=widest,
+    spread="keep",
     radii=within,
     associative=True,
     placing="union",
@@ -99,7 +94,7 @@ def hard_union(p: Expr, children: Sequence[Child]) -> Expr:
 
 @combination(
     bounds=_overlap,
-    spread=widest,
+    spread="keep",
     convex=True,
     associative=True,
     cuts=True,
@@ -150,7 +145,7 @@ def _fold(k: Scalar, family: str, steps: int) -> Fold:
     bounds=lambda children, k, family, steps: _grown(children, FAMILIES[family](steps).reach(len(children), k)),
     radii=lambda children, k, family, steps: within(children, FAMILIES[family](steps).reach(len(children), k)),
     lipschitz=_slope,
-    spread=widest,
+    spread="keep",
     placing="blend",
     dimension="any",
     called="union",
@@ -160,7 +155,7 @@ def smooth_union(p: Expr, children: Sequence[Child], k: Positive, family: Word, 
     return balanced([child(p) for child in children], _fold(k, family, steps))
 
 
-@combination(bounds=_overlap, lipschitz=_slope, spread=widest, cuts=True, dimension="any", called="intersection")
+@combination(bounds=_overlap, lipschitz=_slope, spread="keep", cuts=True, dimension="any", called="intersection")
 def smooth_intersection(p: Expr, children: Sequence[Child], k: Positive, family: Word, steps: Count) -> Expr:
     """Smooth intersection of solids: new edges are rounded, or shaped."""
     return -balanced([-child(p) for child in children], _fold(k, family, steps))

@@ -13,9 +13,8 @@ import numpy as np
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import SMALLEST
-from raymarch.expr.function import function
+from raymarch.expr.function import Vec3Expr, function
 from raymarch.expr.node import Expr
-from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import all_of, clamp, cross, dot, length, max, min, normalize, sqrt, vec2, vec3, where
 from raymarch.sdf.definition import cube, shape
 from raymarch.sdf.domain import Direction, Fits, Length, NonNegative, Positive, Size2, Size3, Vec3
@@ -108,8 +107,8 @@ def slab(p: Expr, normal: Direction = (0.0, 1.0, 0.0), thickness: Positive = 1.0
     return abs(dot(p, normal) - offset) - 0.5 * thickness
 
 
-@function(p=VEC3, a=VEC3, b=VEC3, c=VEC3)
-def triangle_squared(p: Expr, a: Expr, b: Expr, c: Expr) -> Expr:
+@function()
+def triangle_squared(p: Vec3Expr, a: Vec3Expr, b: Vec3Expr, c: Vec3Expr) -> Expr:
     """Squared distance to a triangle: to its plane above its inside, else to the nearest edge."""
     n = normalize(cross(b - a, c - a))
     edges, inside = [], []

@@ -253,7 +253,7 @@ def _exact_if_apart(child: Facts, spacing: Expr, nx: int, ny: int, nz: int) -> E
 @operator(
     bounds=_mirrored_bounds,
     exactness=_exact_if_apart,
-    spread=lambda child: child.spread,
+    spread="keep",
     symmetry=_mirrored_symmetry,
     called="repeat_mirrored",
 )

@@ -15,11 +15,11 @@ import numpy as np
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import SMALLEST
-from raymarch.expr.function import function, loop
+from raymarch.expr.function import Vec3Expr, function, loop
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, const
 from raymarch.expr.tables import Table
-from raymarch.expr.types import FLOAT, VEC3
+from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import (
     abs,
     atan2,
@@ -50,8 +50,8 @@ __all__ = ["bezier_tube", "helix", "polyline_tube"]
 Turns = Annotated[Any, Domain(FLOAT, low=0.0, open=True, unit="turns")]
 
 
-@function(p=VEC3, a=VEC3, b=VEC3)
-def segment_squared(p: Expr, a: Expr, b: Expr) -> Expr:
+@function()
+def segment_squared(p: Vec3Expr, a: Vec3Expr, b: Vec3Expr) -> Expr:
     """Squared distance to the segment from a to b, which are distinct."""
     away, along = p - a, b - a
     away = away - along * clamp(dot(away, along) / dot(along, along), 0.0, 1.0)

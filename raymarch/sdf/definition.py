@@ -7,7 +7,6 @@ registry, where the fluent methods, the generic tests and the documentation find
 from __future__ import annotations
 
 import inspect
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Concatenate, Literal, ParamSpec, TypeAlias
@@ -63,23 +62,23 @@ class Definition:
     child_dimension: int
     arity: str
     exactness: Exactness | Rule
-    lipschitz: float | Rule | None
-    bounds: Rule | None
-    symmetry: str | Rule
-    spread: float | Rule | None
-    convex: bool | Rule
-    radii: Rule | None
-    motion: Rule | None
-    check: Rule | Fits | None
-    associative: bool
-    cuts: bool
-    touches: bool
-    placing: Placing | Rule
-    shift: Rule | None
     domains: Mapping[str, Domain]
     defaults: Mapping[str, Any]
     where: Location
     doc: str
+    lipschitz: float | Rule | None = None
+    bounds: Rule | None = None
+    symmetry: str | Rule = ""
+    spread: float | str | Rule | None = None
+    convex: bool | Rule = False
+    radii: Rule | None = None
+    motion: Rule | None = None
+    check: Rule | Fits | None = None
+    associative: bool = False
+    cuts: bool = False
+    touches: bool = False
+    placing: Placing | Rule = ""
+    shift: Rule | None = None
     flat: Definition | None = None
     """The same definition for flat children, where it serves both; this one then serves the solid ones."""
     _templates: dict[Any, Function] = field(default_factory=dict)
@@ -276,18 +275,7 @@ def _define(
     source: Callable[..., Any], arity: str, dimension: Dimension, child_dimension: Dimension, declared: dict[str, Any]
 ) -> Definition:
     """The definition; one of any dimension gets a flat twin, whose vectors have two components."""
-    absent = {
-        "check": None,
-        "associative": False,
-        "cuts": False,
-        "touches": False,
-        "placing": "",
-        "motion": None,
-        "shift": None,
-    }
-    declared = {**absent, **declared}
-    if declared["placing"] in ("rigid", "scale"):
-        declared["spread"] = declared["spread"] or (lambda child, **params: math.sqrt(3.0) * child.spread)
+    if declared.get("placing") in PLACED:
         declared["convex"] = True
     if dimension != "any" and child_dimension != "any":
         definition = _define_one(source, arity, dimension, child_dimension, declared)
@@ -317,8 +305,7 @@ def _define_one(
 ) -> Definition:
     code = inspect.unwrap(source).__code__
     where = Location(code.co_filename, code.co_firstlineno)
-    skip = 1 if arity == "none" else 2
-    hints = hints_of(source)
+    skip, hints = 1 if arity == "none" else 2, hints_of(source)
     signature = list(inspect.signature(source).parameters.values())
     if len(signature) < skip:
         needs = "a point p" if skip == 1 else "a point p and a child"
@@ -333,7 +320,7 @@ def _define_one(
             declared[fact] = of_all_parameters(what, rule, first, list(domains), where)
     return Definition(
         name=source.__name__,
-        called=declared.pop("called") or source.__name__,
+        called=declared.pop("called", "") or source.__name__,
         source=source,
         arity=arity,
         dimension=dimension,
@@ -358,7 +345,7 @@ def _decorator(arity: str, dimension: Dimension, child_dimension: Dimension | No
     """The decorator that makes a definition of a function, and gives the function that makes its nodes."""
 
     def decorate(source: Callable[..., Any]) -> Builder:
-        _require(source.__name__, declared["exactness"], declared["bounds"] or declared.get("motion"))
+        _require(source.__name__, declared["exactness"], declared.get("bounds") or declared.get("motion"))
         return Builder(_define(source, arity, dimension, child_dimension or dimension, declared), source)
 
     return decorate
@@ -427,7 +414,7 @@ def operator(
     exactness: Exactness | Rule | None = None,
     lipschitz: float | Rule | None = None,
     symmetry: str | Rule = "",
-    spread: float | Rule | None = None,
+    spread: float | Literal["keep"] | Rule | None = None,
     convex: bool | Rule = False,
     placing: Placing | Rule = "",
     radii: Rule | None = None,
@@ -450,7 +437,7 @@ def operator(
         of the child's facts and the parameters. None is "exact" if the operator is placed, else "bound".
     lipschitz : Lipschitz constant of the result; None for that of the child.
     symmetry : "keep" for the child's, axes such as "xz", or a function.
-    spread : as for `shape`, or a function of the child's facts and the parameters, often `child.spread`.
+    spread : as for `shape`, "keep" for the child's, or a function of the child's facts and the parameters.
     convex : True if a convex child gives a convex solid, or a function of the child's facts and the parameters.
     placing : "rigid" for an operator that gives `child(q)`, where q is p moved, turned or reflected. "scale" for
         `factor * child(q)`, where q is that divided by the factor. Such an operator keeps what is known of its child:
@@ -480,29 +467,15 @@ def operator(
 
 
 def combination(
-    *,
-    bounds: Rule,
-    exactness: Exactness | Rule = "bound",
-    lipschitz: float | Rule | None = None,
-    symmetry: str | Rule = "keep",
-    spread: float | Rule | None = None,
-    convex: bool | Rule = False,
-    radii: Rule | None = None,
-    associative: bool = False,
-    cuts: bool = False,
-    touches: bool = False,
-    placing: Placing = "",
-    dimension: Dimension = 3,
-    child_dimension: Literal[2, 3] | None = None,
-    called: str = "",
+    *, exactness: Exactness | Rule = "bound", symmetry: str | Rule = "keep", dimension: Dimension = 3, **facts: Any
 ) -> Callable[[Callable[Concatenate[Any, Any, P], Any]], Callable[Concatenate[Sequence[Node], P], Node]]:
     """Decorator: a function of a point, a list of children and parameters becomes an operator on many nodes.
 
-    The parameters are those of `operator`, and three more. `associative`: nested nodes of this kind are merged into
+    The facts are those of `operator`, and three more. `associative`: nested nodes of this kind are merged into
     one. `cuts`: a child without its own material takes the material of the child that it cuts. `touches`: the value may
     be 0 where there is no surface, as where faces coincide. A hit then needs a sample inside. What cuts touches too.
     """
-    return _decorator("many", **locals())
+    return _decorator("many", dimension, exactness=exactness, symmetry=symmetry, **facts)
 
 
 def cube(half: Any) -> tuple[Expr, Expr]:

@@ -262,7 +262,7 @@ def taper(node: Node, rate: Scalar = 0.3) -> Node:
     bounds=lambda child, amplitude: child.grown(amplitude),
     # the gradient of sin(fx) sin(gy) sin(hz) is no longer than its largest frequency
     lipschitz=lambda child, amplitude, frequency: child.lipschitz + amplitude * max(*abs(frequency)),
-    spread=lambda child: child.spread,
+    spread="keep",
     called="displace",
 )
 def displace_by_waves(
@@ -312,7 +312,6 @@ def shear_slope(amount: Expr) -> Expr:
     bounds=lambda child, amount, axis, by: child.box + amount * axis * dot(by, child.box),
     lipschitz=lambda child, amount: child.lipschitz * shear_slope(amount),
     spread=lambda child, amount: child.spread * (1.0 + abs(amount)),
-    convex=True,
     placing="stretch",
     called="shear",
 )

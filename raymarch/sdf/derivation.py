@@ -3,8 +3,10 @@ evaluated on intervals, for all nodes of one definition at once."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
@@ -16,6 +18,7 @@ from raymarch.expr.evaluate import Program
 from raymarch.expr.intervals import INTERVALS, Interval
 from raymarch.expr.node import Expr, const, expr, var
 from raymarch.expr.types import FLOAT, VECTORS, vector
+from raymarch.expr.vocabulary import max as maximum
 from raymarch.sdf.domain import interval_of_value
 from raymarch.sdf.facts import Facts, worst
 from raymarch.sdf.node import Node, called_by_nodes, children_first
@@ -93,19 +96,30 @@ def _trace(definition: Definition, n_children: int, params: Mapping[str, Any]) -
         children.append(ChildFacts(*facts))
     arguments = {**symbols, **dict(definition.statics(params))}
     extra: tuple[Any, ...] = (children,) if definition.arity == "many" else tuple(children)
-    endless = np.full(definition.dimension, np.inf)
-    region = (const(-endless), const(endless)) if definition.bounds is None else definition.bounds(*extra, **arguments)
+    motion = stated(definition.motion, extra, arguments)
+    straight = None if motion is None or motion.turns else motion
+    discs = stated(definition.radii, extra, arguments)
+    if straight is not None:
+        discs = [(straight.carried(children[0].centre), straight.scaled(children[0].radii))]
+        region = straight.carried(children[0].box)
+    elif definition.bounds is not None:
+        region = definition.bounds(*extra, **arguments)
+    else:
+        endless = np.full(definition.dimension, np.inf)
+        region = (const(-endless), const(endless))
     corners = region if isinstance(region, tuple) else (region, region)
     if len(corners) != 2 or any(expr(corner).type is not vector(definition.dimension) for corner in corners):
         what = f"{definition.called}: bounds gives {short(region)}"
         raise SceneError(what, legal="the corners (lower, upper), such as cube(half)")
     lower, upper = corners
     steep, spread = stated(definition.lipschitz, extra, arguments), stated(definition.spread, extra, arguments)
+    if straight is not None or (isinstance(spread, str) and spread == "keep"):
+        spread = reduce(maximum, [child.spread for child in children])
+    elif spread is None and definition.placing in ("rigid", "scale"):  # a turned box reaches farther along an axis
+        spread = children[0].spread * math.sqrt(definition.dimension)
     roots = [*map(expr, (lower, upper, 0.0 if steep is None else steep, np.inf if spread is None else spread))]
-    discs = stated(definition.radii, extra, arguments)
     discs = [] if discs is None else discs if n_children else [(0.5 * (roots[0] + roots[1]), discs)]
     roots += [expr(part) for disc in discs for part in disc]
-    motion = stated(definition.motion, extra, arguments)
     if motion is not None:
         roots += motion.parts(definition.dimension)
     return Traced(Program(roots, inputs, INTERVALS), steep is not None, len(discs), motion)

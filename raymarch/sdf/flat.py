@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import SMALLEST
-from raymarch.expr.function import function, loop
+from raymarch.expr.function import Vec2Expr, function, loop
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.tables import Table, fetch
-from raymarch.expr.types import VEC2
 from raymarch.expr.vocabulary import clamp, dot, length, max, min, normalize, sqrt, vec2, vec4, where
 from raymarch.sdf.definition import cube, shape
 from raymarch.sdf.domain import Domain, Fits, NonNegative, Points2, Positive, Size2, Vec2, require, shown
@@ -85,16 +84,16 @@ def rounded_rectangle(p: Expr, size: Size2 = (2.0, 2.0), rounding: NonNegative =
 # Shapes given by their corners
 
 
-@function(p=VEC2, a=VEC2, b=VEC2)
-def segment_squared(p: Expr, a: Expr, b: Expr) -> Expr:
+@function()
+def segment_squared(p: Vec2Expr, a: Vec2Expr, b: Vec2Expr) -> Expr:
     """Squared distance to the segment from a to b, which may be the same point."""
     along, w = b - a, p - a
     gap = w - along * clamp(dot(w, along) / max(dot(along, along), SMALLEST), 0.0, 1.0)
     return dot(gap, gap)
 
 
-@function(p=VEC2, a=VEC2, b=VEC2, at_a=VEC2, at_b=VEC2)
-def edge(p: Expr, a: Expr, b: Expr, at_a: Expr, at_b: Expr) -> Expr:
+@function()
+def edge(p: Vec2Expr, a: Vec2Expr, b: Vec2Expr, at_a: Vec2Expr, at_b: Vec2Expr) -> Expr:
     """Signed distance to the edge from a to b, which has the inside on its left.
 
     at_a, at_b : the normals at the corners, each the mean of the normals of the two edges there. If a corner is the

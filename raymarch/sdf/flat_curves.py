@@ -9,9 +9,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from raymarch.expr.function import function, loop
+from raymarch.expr.function import FloatExpr, Vec2Expr, function, loop
 from raymarch.expr.node import Expr
-from raymarch.expr.types import FLOAT, VEC2
 from raymarch.expr.vocabulary import (
     abs,
     clamp,
@@ -36,8 +35,8 @@ from raymarch.sdf.facts import Exactness
 __all__ = ["arc", "bezier", "egg", "ellipse", "flat_vesica", "heart", "moon", "pie", "ring"]
 
 
-@function(p=VEC2, radius=FLOAT, back=FLOAT)
-def shallow_arc(p: Expr, radius: Expr, back: Expr) -> Expr:
+@function()
+def shallow_arc(p: Vec2Expr, radius: FloatExpr, back: FloatExpr) -> Expr:
     """Distance to the circle about (-back, 0) through (radius, 0).
 
     Computed as (|c|^2 - r^2) / (|c| + r), because |c| - r would cancel for a flat arc with a distant centre.

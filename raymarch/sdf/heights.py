@@ -58,7 +58,7 @@ HILLS = _some_hills()
 @operator(
     bounds=lambda child, data, height: child.grown(max(float(data.values.max()), 0.0) * height),
     lipschitz=lambda child, data, size, height: child.lipschitz + _carpet(data, size, height),
-    spread=lambda child: child.spread,
+    spread="keep",
     called="displace_by_image",
 )
 def displace_by_samples(

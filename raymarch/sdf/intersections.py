@@ -12,9 +12,8 @@ from typing import TypeAlias
 import numpy as np
 
 from raymarch.expr.derivative import directional_derivatives
-from raymarch.expr.function import Function, function
+from raymarch.expr.function import FloatExpr, Function, Vec2Expr, Vec3Expr, function
 from raymarch.expr.node import Expr, Operand, const
-from raymarch.expr.types import FLOAT, VEC2, VEC3
 from raymarch.expr.vocabulary import abs, clamp, dot, length, max, min, sqrt, vec2, where
 from raymarch.expr.walk import substitute
 from raymarch.sdf.definition import Definition
@@ -29,27 +28,27 @@ TINY = 1e-20
 MISS = (FARTHEST, -FARTHEST)
 
 
-@function(rate=FLOAT)
-def nonzero(rate: Expr) -> Expr:
+@function()
+def nonzero(rate: FloatExpr) -> Expr:
     """A number that can be divided by: no closer to 0 than `TINY`, with the same sign."""
     return where(abs(rate) < TINY, where(rate < 0.0, -TINY, TINY), rate)
 
 
-@function(a=VEC2, b=VEC2)
-def overlap(a: Expr, b: Expr) -> Expr:
+@function()
+def overlap(a: Vec2Expr, b: Vec2Expr) -> Expr:
     """The part of a line in both of two convex solids."""
     return vec2(max(a.x, b.x), min(a.y, b.y))
 
 
-@function(a=VEC2, b=VEC2)
-def hull(a: Expr, b: Expr) -> Expr:
+@function()
+def hull(a: Vec2Expr, b: Vec2Expr) -> Expr:
     """The part of a line in the union of two convex solids, if the union is convex."""
     both = vec2(min(a.x, b.x), max(a.y, b.y))
     return where(a.x > a.y, b, where(b.x > b.y, a, both))
 
 
-@function(half_b=FLOAT, h=FLOAT, c=FLOAT)
-def roots(half_b: Expr, h: Expr, c: Expr) -> Expr:
+@function()
+def roots(half_b: FloatExpr, h: FloatExpr, c: FloatExpr) -> Expr:
     """The roots of t^2 + 2 half_b t + c, in order; h is the square root of half_b^2 - c.
 
     The larger in size is computed by a sum of two numbers with the same sign, the other as c divided by it, so neither
@@ -60,8 +59,8 @@ def roots(half_b: Expr, h: Expr, c: Expr) -> Expr:
     return vec2(min(q, other), max(q, other))
 
 
-@function(o=FLOAT, d=FLOAT, low=FLOAT, high=FLOAT)
-def ray_slab(o: Expr, d: Expr, low: Expr, high: Expr) -> Expr:
+@function()
+def ray_slab(o: FloatExpr, d: FloatExpr, low: FloatExpr, high: FloatExpr) -> Expr:
     """The part of a line between two parallel planes. A line in one of the planes is between them."""
     rate = nonzero(d)
     a, b = (low - o) / rate, (high - o) / rate
@@ -69,16 +68,16 @@ def ray_slab(o: Expr, d: Expr, low: Expr, high: Expr) -> Expr:
     return where(on_plane, vec2(-FARTHEST, FARTHEST), vec2(min(a, b), max(a, b)))
 
 
-@function(o=VEC3, d=VEC3, normal=VEC3, offset=FLOAT)
-def ray_plane(o: Expr, d: Expr, normal: Expr, offset: Expr) -> Expr:
+@function()
+def ray_plane(o: Vec3Expr, d: Vec3Expr, normal: Vec3Expr, offset: FloatExpr) -> Expr:
     """The part of a line in a half-space."""
     rate = nonzero(dot(d, normal))
     t = (offset - dot(o, normal)) / rate
     return where(rate < 0.0, vec2(max(t, -FARTHEST), FARTHEST), vec2(-FARTHEST, min(t, FARTHEST)))
 
 
-@function(o=VEC3, d=VEC3, radius=FLOAT)
-def ray_sphere(o: Expr, d: Expr, radius: Expr) -> Expr:
+@function()
+def ray_sphere(o: Vec3Expr, d: Vec3Expr, radius: FloatExpr) -> Expr:
     """The part of a line in a ball.
 
     The discriminant is computed from the point of the line closest to the centre (Hearn and Baker), whose distance
@@ -91,15 +90,15 @@ def ray_sphere(o: Expr, d: Expr, radius: Expr) -> Expr:
     return where(closest > radius, vec2(*MISS), roots(half_b, h, (size - radius) * (size + radius)))
 
 
-@function(o=VEC3, d=VEC3, size=VEC3)
-def ray_box(o: Expr, d: Expr, size: Expr) -> Expr:
+@function()
+def ray_box(o: Vec3Expr, d: Vec3Expr, size: Vec3Expr) -> Expr:
     """The part of a line in a box: that in all three slabs (Kay and Kajiya 1986)."""
     slabs = [ray_slab(o[i], d[i], -0.5 * size[i], 0.5 * size[i]) for i in range(3)]
     return overlap(overlap(slabs[0], slabs[1]), slabs[2])
 
 
-@function(o=VEC3, d=VEC3, radius=FLOAT)
-def ray_tube(o: Expr, d: Expr, radius: Expr) -> Expr:
+@function()
+def ray_tube(o: Vec3Expr, d: Vec3Expr, radius: FloatExpr) -> Expr:
     """The part of a line in an infinite cylinder.
 
     o, d : the origin and the direction without their components along the axis.
@@ -116,15 +115,15 @@ def ray_tube(o: Expr, d: Expr, radius: Expr) -> Expr:
     return where(closest > radius, vec2(*MISS), inside)
 
 
-@function(o=VEC3, d=VEC3, radius=FLOAT, height=FLOAT)
-def ray_cylinder(o: Expr, d: Expr, radius: Expr, height: Expr) -> Expr:
+@function()
+def ray_cylinder(o: Vec3Expr, d: Vec3Expr, radius: FloatExpr, height: FloatExpr) -> Expr:
     """The part of a line in a capped cylinder about y."""
     side = ray_tube(o * (1.0, 0.0, 1.0), d * (1.0, 0.0, 1.0), radius)
     return overlap(side, ray_slab(o.y, d.y, -0.5 * height, 0.5 * height))
 
 
-@function(o=VEC3, d=VEC3, a=VEC3, b=VEC3, radius=FLOAT)
-def ray_capsule(o: Expr, d: Expr, a: Expr, b: Expr, radius: Expr) -> Expr:
+@function()
+def ray_capsule(o: Vec3Expr, d: Vec3Expr, a: Vec3Expr, b: Vec3Expr, radius: FloatExpr) -> Expr:
     """The part of a line in a capsule: the hull of those in its cylinder and in the balls at its ends."""
     from_a, axis = o - a, b - a
     height = length(axis)
@@ -134,8 +133,8 @@ def ray_capsule(o: Expr, d: Expr, a: Expr, b: Expr, radius: Expr) -> Expr:
     return hull(side, hull(ray_sphere(from_a, d, radius), ray_sphere(o - b, d, radius)))
 
 
-@function(o=VEC3, d=VEC3, radius=FLOAT, height=FLOAT, top=FLOAT)
-def ray_cone(o: Expr, d: Expr, radius: Expr, height: Expr, top: Expr) -> Expr:
+@function()
+def ray_cone(o: Vec3Expr, d: Vec3Expr, radius: FloatExpr, height: FloatExpr, top: FloatExpr) -> Expr:
     """The part of a line in a cone or frustum about y.
 
     The line is measured from its point closest to the axis between the planes of the ends, so that all numbers are of
@@ -170,8 +169,8 @@ def ray_cone(o: Expr, d: Expr, radius: Expr, height: Expr, top: Expr) -> Expr:
     return where((found.x > found.y) | beside, vec2(*MISS), found + nearest)
 
 
-@function(o=VEC3, d=VEC3, size=VEC3)
-def ray_ellipsoid(o: Expr, d: Expr, size: Expr) -> Expr:
+@function()
+def ray_ellipsoid(o: Vec3Expr, d: Vec3Expr, size: Vec3Expr) -> Expr:
     """The part of a line in an ellipsoid: that in the unit ball, in a space scaled by the half axes."""
     nearest = -dot(o, d)
     r = 0.5 * size

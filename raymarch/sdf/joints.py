@@ -16,7 +16,7 @@ from raymarch.expr.convert import short
 from raymarch.expr.node import Expr
 from raymarch.expr.vocabulary import clamp, dot, length, max, min, mix, vec2
 from raymarch.expr.walk import find
-from raymarch.sdf.booleans import balanced, first, hull, spread_of_first, widest
+from raymarch.sdf.booleans import balanced, first, hull, spread_of_first
 from raymarch.sdf.definition import EVERYWHERE, Child, ChildFacts, combination, operator
 from raymarch.sdf.domain import Fraction, Positive, Scalar, Vec3, Vector, as_operand
 from raymarch.sdf.evaluation import evaluate_undivided
@@ -64,7 +64,7 @@ def tongued(p: Expr, children: Sequence[Child], height: Positive, width: Positiv
     return min(a, max(a - height, abs(b) - 0.5 * width))
 
 
-@combination(bounds=hull, spread=widest, touches=True, called="xor")
+@combination(bounds=hull, spread="keep", touches=True, called="xor")
 def exclusive(p: Expr, children: Sequence[Child]) -> Expr:
     """Exclusive or: the points of one of two solids but not of both."""
     a, b = children[0](p), children[1](p)
@@ -223,7 +223,7 @@ def _symmetry_across(*children: Facts, start: Expr, end: Expr, reach: Expr) -> s
     lipschitz=lambda children, start, end, reach: (
         balanced([c.lipschitz for c in children], max) + reach / length(end - start)
     ),
-    spread=widest,
+    spread="keep",
     symmetry=_symmetry_across,
     called="transition",
 )

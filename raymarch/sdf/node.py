@@ -16,6 +16,8 @@ from raymarch.expr.calls import checked
 from raymarch.expr.convert import described, short
 from raymarch.expr.peers import OPERATORS, refused_operator, unknown_attribute
 from raymarch.sdf.facts import Exactness, Facts
+from raymarch.sdf.methods import METHODS as METHODS
+from raymarch.sdf.methods import Methods
 from raymarch.sdf.same import Same, same
 
 if TYPE_CHECKING:
@@ -23,14 +25,13 @@ if TYPE_CHECKING:
     from raymarch.expr.node import Expr
     from raymarch.sdf import affine, booleans, copies, deform, heights, noise, placing, profiles, queries, repetition
     from raymarch.sdf.definition import Definition
-    from raymarch.sdf.domain import Scalar, Vector
 
     Named = Mapping[str, Any] | None
 
 __all__ = ["Node"]
 
 
-class Node:
+class Node(Methods):
     """A solid, given by its signed distance: negative inside, positive outside.
 
     Nodes are made by shapes (`sphere()`) and operators (`a | b`, `a.translate(...)`). They are immutable.
@@ -219,9 +220,6 @@ class Node:
             raise SceneError(f"{name} of {self.name} and {described(other)}", legal="two nodes")
         return self._call(name, other)
 
-    def _call(self, name: str, *args: Any, **kwargs: Any) -> Node:
-        return METHODS[name](self, *args, **kwargs)
-
     if TYPE_CHECKING:  # `method` adds them
         union, intersection, difference = booleans.union, booleans.intersection, booleans.difference
         rotate, scale, transform, mirror = placing.rotate, placing.scale, affine.transform, placing.mirror
@@ -229,278 +227,11 @@ class Node:
         twist, bend, taper, displace = deform.twist, deform.bend, deform.taper, deform.displace
         displace_by, displace_by_noise = noise.displace_by, noise.displace_by_noise
         displace_by_image, extrude_to = heights.displace_by_image, profiles.extrude_to
+        extrude, revolve = profiles.extrude, profiles.revolve
         repeat, polar = repetition.repeat, copies.polar
         repeat_mirrored, repeat_interval = copies.repeat_mirrored, copies.repeat_interval
         material, raycast, material_at = placing.material, queries.raycast, queries.material_at
 
-    # Methods of operators, whose types a decorator derives
-
-    def translate(self, offset: Vector) -> Node:
-        """Move a solid, or a flat shape in its plane.
-
-        Parameters
-        ----------
-        offset : (x, y, z), lengths; (x, y) for a flat shape. Numbers or expressions of `Param` and `time`.
-
-        Returns
-        -------
-        Node
-
-        Raises
-        ------
-        SceneError : another number of components.
-
-        Notes
-        -----
-        Exact for an exact solid.
-
-        Examples
-        --------
-        >>> rm.sphere(1).translate((3, 0, 0)).distance((0, 0, 0))
-        array(2.)
-        """
-        return self._call("translate", offset)
-
-    def round(self, radius: Scalar) -> Node:
-        """Grow by a radius, with rounded edges: the sum of the solid and a ball.
-
-        Parameters
-        ----------
-        radius : a length >= 0. `box(1).round(0.1)` is 1.2 wide; `rounded_box` keeps the size.
-
-        Returns
-        -------
-        Node
-
-        Raises
-        ------
-        SceneError : a negative radius.
-
-        Notes
-        -----
-        Exact outside for an exact solid.
-
-        Examples
-        --------
-        >>> rm.box(1).round(0.1).bounds[1]
-        array([0.6, 0.6, 0.6])
-        """
-        return self._call("round", radius)
-
-    def shell(self, thickness: Scalar) -> Node:
-        """A hollow solid, with half of the wall on either side of the surface.
-
-        Parameters
-        ----------
-        thickness : of the wall, a length > 0.
-
-        Returns
-        -------
-        Node
-
-        Raises
-        ------
-        SceneError : a thickness that is not positive.
-
-        Notes
-        -----
-        Exact for an exact solid.
-
-        Examples
-        --------
-        >>> rm.sphere(1).shell(0.2).distance([(0, 0, 0), (1, 0, 0)])
-        array([ 0.9, -0.1])
-        """
-        return self._call("shell", thickness)
-
-    def offset(self, distance: Scalar) -> Node:
-        """Move the surface along its normals.
-
-        Parameters
-        ----------
-        distance : a length; positive grows the solid, negative shrinks it.
-
-        Returns
-        -------
-        Node
-
-        Raises
-        ------
-        SceneError : what is no number.
-
-        Notes
-        -----
-        Exact outside for an exact solid that grows.
-
-        Examples
-        --------
-        >>> rm.sphere(1).offset(-0.25).bounds[1]
-        array([0.75, 0.75, 0.75])
-        """
-        return self._call("offset", distance)
-
-    def elongate(self, extent: Vector) -> Node:
-        """Elongate along the axes: the section through the origin is extruded, the ends keep their shape.
-
-        Parameters
-        ----------
-        extent : (x, y, z), lengths >= 0 by which the solid grows along each axis; (x, y) for a flat shape.
-
-        Returns
-        -------
-        Node
-
-        Raises
-        ------
-        SceneError : a negative length.
-
-        Examples
-        --------
-        >>> rm.sphere(1).elongate((2, 0, 0)).bounds[1]
-        array([2., 1., 1.])
-        """
-        return self._call("elongate", extent)
-
-    def complement(self) -> Node:
-        """The complement: everything outside this solid.
-
-        Returns
-        -------
-        Node
-            A node, whose distance is that of the solid with the other sign.
-
-        Examples
-        --------
-        >>> rm.sphere(1).complement().distance((0, 0, 0))
-        array(1.)
-        """
-        return self._call("complement")
-
-    def transition(self, other: Node, start: Vector, end: Vector) -> Node:
-        """A transition from this solid to another one along a line.
-
-        Parameters
-        ----------
-        other : a bounded solid.
-        start, end : distinct points, (x, y, z): this solid ends at the plane through `start`, the other begins at that
-            through `end`.
-
-        Returns
-        -------
-        Node
-            A node, a bound.
-
-        Raises
-        ------
-        SceneError : unbounded solids, or equal points.
-        """
-        return self._call("transition", other, start, end)
-
-    def extrude(self, height: Scalar = 1.0, scale: Scalar = 1.0, twist: Scalar = 0.0, draft: Scalar = 0.0) -> Node:
-        """Extrude a flat shape along z, centred.
-
-        Parameters
-        ----------
-        height : full extent along z, a length > 0.
-        scale : factor of the upper end, >= 0.01; the section grows evenly from the lower end, which is not scaled.
-        twist, draft : angles in radians by which the upper end is turned from x towards y, and the sides lean inwards.
-
-        Returns
-        -------
-        Node
-
-        Raises
-        ------
-        SceneError : a solid, or a height that is not positive.
-
-        Notes
-        -----
-        Exact for an exact shape without scale, twist and draft, else a bound.
-
-        Examples
-        --------
-        >>> rm.circle(1).extrude(3).bounds[1]
-        array([1. , 1. , 1.5])
-        """
-        return self._call("extrude", height, scale, twist, draft)
-
-    def revolve(self, offset: Scalar = 0.0, angle: Scalar = 2.0 * np.pi) -> Node:
-        """Revolve a flat shape about the y axis, after moving it along +x.
-
-        Parameters
-        ----------
-        offset : the motion along +x. The part that is then at x < 0 is cut off.
-        angle : of the whole turn in radians, half of it on either side of the +x axis, above 0 and up to 2 pi.
-
-        Returns
-        -------
-        Node
-
-        Raises
-        ------
-        SceneError : a solid.
-
-        Notes
-        -----
-        A whole turn of an exact shape is exact if the shape does not touch the axis.
-
-        Examples
-        --------
-        >>> rm.circle(0.25).revolve(1).distance((1, 0, 0))
-        array(-0.25)
-        """
-        return self._call("revolve", offset, angle)
-
-    def slice(self, z: Scalar = 0.0) -> Node:
-        """The section of a solid in a plane of constant z, a flat shape.
-
-        Parameters
-        ----------
-        z : of the plane, a length.
-
-        Returns
-        -------
-        Node
-            A flat node, a bound.
-
-        Raises
-        ------
-        SceneError : a flat shape.
-
-        Examples
-        --------
-        >>> rm.sphere(1).slice().distance((0, 0))
-        array(-1.)
-        """
-        return self._call("slice", z)
-
-    def visible(self, camera: bool = True, shadow: bool = True, reflection: bool = True) -> Node:
-        """Hide this solid from kinds of rays.
-
-        Parameters
-        ----------
-        camera, shadow : False hides it from camera rays, or from shadow rays.
-        reflection : False hides it from rays that start at surfaces: reflected, refracted and random ones.
-
-        Returns
-        -------
-        Node
-            A node with the same field.
-
-        Raises
-        ------
-        SceneError : what is no bool.
-
-        Examples
-        --------
-        >>> rm.sphere(1).visible(shadow=False).name
-        'visible'
-        """
-        return self._call("visible", camera, shadow, reflection)
-
-
-METHODS: dict[str, Callable[..., Any]] = {}
-"""The functions of modules that import `Node` which nodes call, by name."""
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -635,6 +366,6 @@ for _symbol in OPERATORS:
         setattr(Node, f"__{_OPERATORS[_symbol]}__", _left)
     setattr(Node, f"__r{_OPERATORS[_symbol]}__", _right)
 
-for _name, _method in list(vars(Node).items()):
+for _name, _method in {**vars(Methods), **vars(Node)}.items():
     if callable(_method) and not _name.startswith("_"):
         setattr(Node, _name, checked(_method, _name))

@@ -17,7 +17,7 @@ from raymarch.errors import SceneError
 from raymarch.expr.convert import called, short
 from raymarch.expr.derivative import companion
 from raymarch.expr.evaluate import Program
-from raymarch.expr.function import Function, function, sum_of, trace
+from raymarch.expr.function import Function, Vec3Expr, function, sum_of, trace
 from raymarch.expr.hashing import hash
 from raymarch.expr.intervals import INTERVALS, interval_of
 from raymarch.expr.lattice import (
@@ -67,7 +67,7 @@ def _share(octaves: int) -> float:
     lipschitz=lambda child, amplitude, frequency, octaves: (
         child.lipschitz + _noise_slope(amplitude, frequency, octaves)
     ),
-    spread=lambda child: child.spread,
+    spread="keep",
     called="displace_by_noise",
 )
 def noisy(
@@ -107,8 +107,8 @@ def displace_by_noise(node: Node, amplitude: Scalar = 0.1, frequency: Scalar = 3
     return noisy(node, amplitude, frequency, octaves)
 
 
-@function(p=VEC3)
-def ripples(p: Expr) -> Expr:
+@function()
+def ripples(p: Vec3Expr) -> Expr:
     """The example: up to 0.05, with the Lipschitz constant 0.3 sqrt(2)."""
     return 0.025 * (sin(12.0 * p.x) + sin(12.0 * p.z))
 
@@ -116,7 +116,7 @@ def ripples(p: Expr) -> Expr:
 @operator(
     bounds=lambda child, amplitude: child.grown(amplitude),
     lipschitz=lambda child, slope: child.lipschitz + slope,
-    spread=lambda child: child.spread,
+    spread="keep",
     called="displace_by",
 )
 def displaced(

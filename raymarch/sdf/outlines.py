@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
-from raymarch.expr.function import function, loop
+from raymarch.expr.function import FloatExpr, Vec2Expr, function, loop
 from raymarch.expr.node import Expr, const, expr
 from raymarch.expr.tables import Table, fetch
-from raymarch.expr.types import FLOAT, VEC2
 from raymarch.expr.vocabulary import dot, length, vec2, where
 from raymarch.sdf.definition import shape
 from raymarch.sdf.domain import Domain
@@ -271,8 +270,8 @@ def in_table(bulges: Any) -> bool:
     return bool(np.sum(np.where(np.asarray(bulges) == 0.0, 1, 3)) > AS_TEXT)
 
 
-@function(p=VEC2, a=VEC2, b=VEC2, bulge=FLOAT, at_a=VEC2, at_b=VEC2)
-def piece(p: Expr, a: Expr, b: Expr, bulge: Expr, at_a: Expr, at_b: Expr) -> Expr:
+@function()
+def piece(p: Vec2Expr, a: Vec2Expr, b: Vec2Expr, bulge: FloatExpr, at_a: Vec2Expr, at_b: Vec2Expr) -> Expr:
     """Signed distance to a line or an arc of at most half a turn from a to b, which has the inside on its left.
 
     at_a, at_b : see `flat.edge`. The tangents are the chord's direction turned by half the angle to either side.

@@ -10,10 +10,9 @@ from collections.abc import Sequence
 
 from raymarch.expr.curvature import Kinds
 from raymarch.expr.derivative import directional_derivatives
-from raymarch.expr.function import function
+from raymarch.expr.function import FloatExpr, function
 from raymarch.expr.node import Expr
 from raymarch.expr.partials import ZERO
-from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import floor, max, min, where
 from raymarch.expr.walk import depends_on, topological
 from raymarch.sdf.facts import FARTHEST
@@ -34,14 +33,14 @@ _GRIDS = {"round": 0.5, "floor": 0.0, "fract": 0.0, "ceil": 0.0}
 """Operations with a border at each integer plus this number."""
 
 
-@function(gap=FLOAT, rate=FLOAT)
-def way_to_kink(gap: Expr, rate: Expr) -> Expr:
+@function()
+def way_to_kink(gap: FloatExpr, rate: FloatExpr) -> Expr:
     """The way to where a number that is `gap` here, and changes by `rate` along the ray, is 0; far if it was 0."""
     return where(gap * rate > 0.0, FARTHEST, min((abs(gap) + ON_BORDER) / max(abs(rate), STEEPEST), FARTHEST))
 
 
-@function(at=FLOAT, rate=FLOAT)
-def way_to_integer(at: Expr, rate: Expr) -> Expr:
+@function()
+def way_to_integer(at: FloatExpr, rate: FloatExpr) -> Expr:
     """The way to where a number that is `at` here, and changes by `rate` along the ray, is the next integer. It is 0
     where the number has left an integer by less than its rounding error: it may be read on either side of it."""
     inside = at - floor(at)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, cast
@@ -74,10 +73,7 @@ def spread_through(matrix: Expr) -> Expr:
 
 @method
 @operator(
-    bounds=lambda child, offset: child.box + offset,
     symmetry=lambda child, offset: unmoved(child.symmetry, offset),
-    spread=lambda child: child.spread,
-    radii=lambda child, offset: [(child.centre + offset, child.radii)],
     motion=lambda child, offset: Motion(offset=offset, turns=False),
     dimension="any",
     placing="rigid",
@@ -103,7 +99,6 @@ def rotation_matrix(axis: Expr, angle: Scalar) -> Expr:
 
 
 @operator(
-    spread=lambda child: math.sqrt(3.0) * child.spread,
     motion=lambda child, axis, angle: Motion(rotation_matrix(axis, angle), axis=axis, angle=angle),
     called="rotate",
     placing="rigid",
@@ -119,7 +114,6 @@ def _turning(angle: Expr) -> Expr:
 
 
 @operator(
-    spread=lambda child: math.sqrt(2.0) * child.spread,
     motion=lambda child, angle: Motion(_turning(angle), axis=const((0.0, 0.0, 1.0)), angle=angle),
     dimension=2,
     called="rotate",
@@ -183,7 +177,6 @@ def turn_between(start: Expr, end: Expr) -> Expr:
 
 
 @operator(
-    spread=lambda child: math.sqrt(3.0) * child.spread,
     motion=lambda child, axis, direction: Motion(turn_between(axis, direction)),
     called="orient",
     placing="rigid",
@@ -214,10 +207,7 @@ def orient(node: Node, direction: Vector = (1.0, 1.0, 1.0), axis: Vector | str =
 
 
 @operator(
-    bounds=lambda child, factor: child.box * factor,
     symmetry="keep",
-    spread=lambda child: child.spread,
-    radii=lambda child, factor: [(child.centre * factor, child.radii * factor)],
     motion=lambda child, factor: Motion(factor, turns=False),
     dimension="any",
     called="scale",
@@ -232,7 +222,6 @@ def scale_evenly(p: Expr, child: Child, factor: Positive) -> Expr:
     bounds=lambda child, factors: child.box * factors,
     symmetry="keep",
     spread=lambda child, factors: child.spread * max(*factors) / min(*factors),
-    convex=True,
     dimension="any",
     called="scale",
     placing="stretch",
@@ -341,10 +330,7 @@ def mirror(node: Node, axis: Vector | str) -> Node:
 
 
 @operator(
-    bounds=lambda child: child.box,
     symmetry="keep",
-    spread=lambda child: child.spread,
-    radii=lambda child: child.within(),
     motion=lambda child: Motion(turns=False),
     dimension="any",
     called="material",

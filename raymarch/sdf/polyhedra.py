@@ -19,9 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.expr.function import function
+from raymarch.expr.function import Vec3Expr, function
 from raymarch.expr.node import Expr, const, swizzle
-from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import abs, all_of, dot, length, max, min, sqrt, vec3, where
 from raymarch.sdf.definition import cube, shape
 from raymarch.sdf.domain import Positive, Scalar
@@ -39,8 +38,8 @@ _OBLIQUE = (-0.5 * _GOLDEN, -0.5, 0.5 / _GOLDEN)
 """Normal of the mirror plane of the icosahedron at 36 degrees to x = 0 and 60 degrees to y = 0."""
 
 
-@function(p=VEC3)
-def tetrahedral_fold(p: Expr) -> Expr:
+@function()
+def tetrahedral_fold(p: Vec3Expr) -> Expr:
     """The image of p with x >= y >= |z| under the mirrors of the tetrahedron: swaps, and sign changes by pairs."""
     q = where(p.x < 0.0, vec3(-p.x, p.y, -p.z), p)
     q = where(q.y < 0.0, vec3(q.x, -q.y, -q.z), q)
@@ -49,8 +48,8 @@ def tetrahedral_fold(p: Expr) -> Expr:
     return where(q.x < q.y, swizzle(q, "yxz"), q)
 
 
-@function(p=VEC3)
-def octahedral_fold(p: Expr) -> Expr:
+@function()
+def octahedral_fold(p: Vec3Expr) -> Expr:
     """The image of p with x >= y >= z >= 0 under the mirrors of the cube."""
     q = abs(p)
     q = where(q.x < q.y, swizzle(q, "yxz"), q)
@@ -58,8 +57,8 @@ def octahedral_fold(p: Expr) -> Expr:
     return where(q.x < q.y, swizzle(q, "yxz"), q)
 
 
-@function(p=VEC3)
-def icosahedral_fold(p: Expr) -> Expr:
+@function()
+def icosahedral_fold(p: Vec3Expr) -> Expr:
     """The image of p in one of the 120 chambers of the icosahedron. Three reflections in the oblique mirror plane reach
     each of the 15 chambers of an octant."""
     q = abs(p)

@@ -15,7 +15,7 @@ from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import abs, clamp, cos, length, max, min, sin, sqrt, square, vec2, vec3, where
-from raymarch.sdf.booleans import hull, intersection, union, widest
+from raymarch.sdf.booleans import balanced, hull, intersection, union
 from raymarch.sdf.definition import Child, ChildFacts, around_y, combination, definition_of, operator
 from raymarch.sdf.deform import taper
 from raymarch.sdf.deform import twist as twist_solid
@@ -46,7 +46,7 @@ def _prism_bounds(lower: Expr, upper: Expr, height: Expr) -> tuple[Expr, Expr]:
     bounds=lambda child, height: _prism_bounds(child.lower, child.upper, height),
     lipschitz=1.0,
     symmetry=lambda child: child.symmetry + "z",
-    spread=lambda child: child.spread,
+    spread="keep",
     convex=True,
     child_dimension=2,
     called="extrude",
@@ -169,7 +169,9 @@ def _loft_slope(sections: int, height: Any, gap: Any, easing: str) -> Expr:
 @combination(
     bounds=lambda children, height: _prism_bounds(*hull(children), height),
     lipschitz=1.0,
-    spread=lambda children, height, gap, easing: widest(children) * _loft_slope(len(children) - 1, height, gap, easing),
+    spread=lambda children, height, gap, easing: (
+        balanced([c.spread for c in children], max) * _loft_slope(len(children) - 1, height, gap, easing)
+    ),
     child_dimension=2,
     called="extrude_to",
 )
@@ -293,7 +295,7 @@ def _exact_if_clear(child: Facts, offset: Expr) -> Exactness:
     bounds=lambda child, offset: around_y(child.upper.x + offset, child.lower.y, child.upper.y),
     lipschitz=1.0,
     symmetry=lambda child: "xyz" if "y" in child.symmetry else "xz",
-    spread=lambda child: child.spread,
+    spread="keep",
     convex=lambda child, offset: child.convex and _mirrored(child, offset),
     child_dimension=2,
     called="revolve",

@@ -49,6 +49,14 @@ class Motion:
     angle: Expr | None = None
     turns: bool = True
 
+    def scaled(self, length: Expr) -> Expr:
+        """Lengths of a solid that is only translated or scaled."""
+        return length if self.matrix is None else length * self.matrix
+
+    def carried(self, point: Expr) -> Expr:
+        """Points of such a solid."""
+        return self.scaled(point) if self.offset is None else self.scaled(point) + self.offset
+
     def parts(self, dimension: int) -> list[Expr]:
         """Matrix, offset, axis and angle; an axis of 0 for none."""
         factor = const(1.0) if self.matrix is None else self.matrix

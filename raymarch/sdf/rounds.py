@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from raymarch.errors import SceneError
-from raymarch.expr.function import function, loop
+from raymarch.expr.function import FloatExpr, function, loop
 from raymarch.expr.node import Expr
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import (
@@ -99,8 +99,8 @@ def ellipsoid(p: Expr, size: Size3 = (2.0, 1.2, 1.5)) -> Expr:
     return dot(n, q) - length(r * n)
 
 
-@function(a=FLOAT, b=FLOAT, e=FLOAT)
-def norm2(a: Expr, b: Expr, e: Expr) -> Expr:
+@function()
+def norm2(a: FloatExpr, b: FloatExpr, e: FloatExpr) -> Expr:
     """(a^(2/e) + b^(2/e))^(e/2) for a, b >= 0, with the larger factored out, so that nothing overflows."""
     pair = where(a < b, vec2(b, a), vec2(a, b))
     return pair.x * pow(1.0 + pow(max(pair.y / max(pair.x, 1e-30), 1e-15), 2.0 / e), 0.5 * e)

@@ -27,11 +27,9 @@ Switch = Annotated[bool, Domain(None, holds=bool)]
 @method
 @operator(
     exactness="exact",
-    bounds=lambda child: child.box,
     symmetry="keep",
     convex=lambda child: child.convex,
     placing=lambda child, camera, shadow, reflection: "rigid" if camera and shadow and reflection else "select",
-    radii=lambda child: child.within(),
     motion=lambda child: Motion(turns=False),
 )
 def visible(p: Expr, child: Child, camera: Switch = True, shadow: Switch = True, reflection: Switch = True) -> Expr:

@@ -7,9 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from raymarch.expr.function import function
+from raymarch.expr.function import FloatExpr, Vec2Expr, Vec3Expr, function
 from raymarch.expr.node import Expr, const
-from raymarch.expr.types import FLOAT, VEC2, VEC3
 from raymarch.expr.vocabulary import abs, max, min, step, vec2, where
 from raymarch.sdf.facts import FARTHEST, Facts
 
@@ -17,34 +16,34 @@ FLATTEST = 1e-20
 """In place of a rate of approach of 0."""
 
 
-@function("way", line=VEC2, level=FLOAT, growth=FLOAT)
-def way_above(line: Expr, level: Expr, growth: Expr) -> Expr:
+@function("way")
+def way_above(line: Vec2Expr, level: FloatExpr, growth: FloatExpr) -> Expr:
     """How far a line, a value and a slope, stays above a level that grows."""
     return min(max(line.x - level, 0.0) / max(growth - line.y, FLATTEST), FARTHEST)
 
 
-@function(depth=FLOAT, exit=FLOAT, level=FLOAT, growth=FLOAT)
-def way_out(depth: Expr, exit: Expr, level: Expr, growth: Expr) -> Expr:
+@function()
+def way_out(depth: FloatExpr, exit: FloatExpr, level: FloatExpr, growth: FloatExpr) -> Expr:
     """How far a point that is `depth` deep in a convex solid stays deeper than a level, where the ray leaves the solid
     at `exit`: the depth is concave, so it lies above its chord."""
     return min(way_above(vec2(depth, -depth / max(exit, FLATTEST)), level, growth), max(exit, 0.0))
 
 
-@function(first=FLOAT, border=FLOAT, there=FLOAT, steepest=FLOAT)
-def way_in_pieces(first: Expr, border: Expr, there: Expr, steepest: Expr) -> Expr:
+@function()
+def way_in_pieces(first: FloatExpr, border: FloatExpr, there: FloatExpr, steepest: FloatExpr) -> Expr:
     """The advance `first` of a field that is of the form read up to a border, where it is at least `there` above the
     level, and Lipschitz beyond."""
     return where(first < border, first, border + max(there, 0.0) / steepest)
 
 
-@function(here=FLOAT, there=FLOAT, s=FLOAT)
-def chord(here: Expr, there: Expr, s: Expr) -> Expr:
+@function()
+def chord(here: FloatExpr, there: FloatExpr, s: FloatExpr) -> Expr:
     """Where the line from (0, here) to (s, there) is 0; s if it does not fall below 0 before."""
     return s * (max(here, 0.0) / max(here - min(there, 0.0), FLATTEST))
 
 
-@function(p=VEC3, d=VEC3, half=VEC3, growth=FLOAT)
-def way_to_box(p: Expr, d: Expr, half: Expr, growth: Expr) -> Expr:
+@function()
+def way_to_box(p: Vec3Expr, d: Vec3Expr, half: Vec3Expr, growth: FloatExpr) -> Expr:
     """The way to a box about the origin that grows on all sides along the ray; far for a ray that misses it."""
     from_middle, rate = p * (1.0 - 2.0 * step(d, 0.0)), abs(d)
     enter = -(half + from_middle) / max(rate + growth, FLATTEST)

@@ -15,7 +15,7 @@ import raymarch.expr.vocabulary as v
 from raymarch.errors import SceneError
 from raymarch.expr import Expr, Function, const, construct, expr, function, loop, trace, var
 from raymarch.expr.arrays import evaluator, value_of
-from raymarch.expr.function import sum_of
+from raymarch.expr.function import FloatExpr, Vec3Expr, sum_of
 from raymarch.expr.node import _interned, make, swizzle
 from raymarch.expr.samples import Samples
 from raymarch.expr.samples import sample as interpolated
@@ -218,6 +218,16 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "a row of data": (lambda: Samples([1.0, 2.0]), "(2,)"),
     "NaN in data": (lambda: Samples([[1.0, math.nan], [0.0, 0.0]]), "not finite"),
 }
+
+
+@function()
+def lengthened(p: Vec3Expr, by: FloatExpr) -> Expr:
+    return v.length(p) * by
+
+
+def test_annotations_state_the_types_of_a_function() -> None:
+    assert [p.type for p in lengthened.params] == [VEC3, FLOAT]
+    assert value_of(lengthened((3.0, 4.0, 0.0), 2.0)) == 10.0
 
 
 @function(x=FLOAT)

@@ -42,6 +42,15 @@ def test_constants_beside_parameters() -> None:
         assert as_numbers(node.facts) == as_numbers(node.definition.derive(node.children, node.params))
 
 
+def test_a_hidden_bound_keeps_its_spread() -> None:
+    """What grows or blends it needs the spread for its box."""
+    bound = rm.sphere(1).scale((1, 2, 3))
+    hidden = bound.visible(shadow=False)
+    assert hidden.exactness == "bound"
+    assert hidden.facts.spread == bound.facts.spread
+    assert np.array_equal(hidden.round(0.1).bounds, bound.round(0.1).bounds)
+
+
 def test_nothing_is_derived_until_it_is_read() -> None:
     node = rm.box(1).rotate(0.3, "x").translate((1, 2, 3)) | rm.sphere(1)
     assert all(n.known_facts is None for n in (node, *node.children))
