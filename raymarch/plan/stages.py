@@ -37,7 +37,7 @@ from raymarch.scene.origin import DefaultView, default_view, origin_of, refuse_e
 from raymarch.scene.reading import exact_distance, read_as_distance, reads_field
 from raymarch.scene.scene import Scene
 from raymarch.sdf.advance import Advancing
-from raymarch.sdf.levels import over_slope, slope_to_correct
+from raymarch.sdf.levels import CORRECTED, least_slope, over_slope
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
 from raymarch.sdf.visibility import KINDS, hidden_from, hiding_nodes, labels_hidden_from
@@ -357,7 +357,7 @@ def surfaces_of(asked: Asked, fields: FieldPlan, lowering: Lowering) -> SurfaceP
     further: list[Function] = []
     undivided, soft = None, any(map(reads_field, scene.lights))
     reads = shaded and (soft or scene.occlusion is not None)
-    least = slope_to_correct(solid) if reads else 1.0
+    least = least_slope(solid, CORRECTED) if reads else 1.0
     if reads and (solid.facts.divided or least < 1.0):
         reading = lowering.again()
         if least < 1.0:

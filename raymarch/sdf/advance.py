@@ -25,15 +25,15 @@ from raymarch.expr.partials import ONE
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import length, max, vec2, vec3
 from raymarch.expr.walk import depends_on, find, rebuild, run, substitute, topological
-from raymarch.sdf.asked import Ask, Piece, Scope, in_box, in_pieces, values_of
+from raymarch.sdf.asked import Ask, Piece, Scope, in_box, in_pieces
 from raymarch.sdf.convexity import hull_of, is_concave_fold, is_convex, known_parts
 from raymarch.sdf.facts import FARTHEST
 from raymarch.sdf.heights_ahead import free_over
 from raymarch.sdf.implicit_ahead import free_way
 from raymarch.sdf.intersections import interval_of_ray
-from raymarch.sdf.labels import flattened, rows_of
+from raymarch.sdf.labels import operands_of, rows_of
 from raymarch.sdf.lower import Lowering
-from raymarch.sdf.node import Node, children_first
+from raymarch.sdf.node import Node, children_first, values_of
 from raymarch.sdf.pieces import borders
 from raymarch.sdf.readings import (
     Ahead,
@@ -214,7 +214,7 @@ class Advancing:
     def _scope(self, ask: Ask) -> Generator[Ask, Reading, Scope]:
         """The parts of a node's body, with the values of its children."""
         node = ask.node
-        children = flattened(node) if node.definition.associative else node.children
+        children = operands_of(node)
         template = node.definition.template(len(children), node.params)
         below = ask.undivided or node.definition.adds(len(children), node.params)
         point = template.params[0]
@@ -250,14 +250,12 @@ class Advancing:
         known = scope.actual | {direction: ask.direction}
         moved, *found = substitute([rate, *ways], known)
         scope.borders += [way for way in found if way not in scope.borders]
-        node = ask.node
-        children = flattened(node) if node.definition.associative else node.children
         request = replace(
             ask,
-            node=children[part.data],
+            node=operands_of(ask.node)[part.data],
             point=scope.actual[part.args[0]],
             direction=moved,
-            speed=ask.speed if node.placed_as in KEEPING or moved is ask.direction else length(moved),
+            speed=ask.speed if ask.node.placed_as in KEEPING or moved is ask.direction else length(moved),
             undivided=scope.below,
             negated=negated,
         )
@@ -266,8 +264,7 @@ class Advancing:
 
     def _part(self, scope: Scope, part: Expr, negated: bool) -> Part:
         """The reading of a part of a body, or of its negative; None if it has none."""
-        value = -scope.actual[part] if negated else scope.actual[part]
-        args = part.args
+        value, args = scope.value(part, negated), part.args
         if part.op == "apply":
             request = self._child(scope, part, negated)
             return None if request is None else (yield request)
@@ -296,7 +293,7 @@ class Advancing:
 
     def _choice(self, scope: Scope, part: Expr, negated: bool) -> Part:
         """The smaller or the larger of two parts."""
-        value = -scope.actual[part] if negated else scope.actual[part]
+        value = scope.value(part, negated)
         found = []
         for arg in part.args:
             found.append((yield from self._part(scope, arg, negated)))
@@ -310,8 +307,7 @@ class Advancing:
 
     def _with_number(self, scope: Scope, part: Expr, negated: bool) -> Part:
         """A part plus a number, or times one that is not negative."""
-        a, b = part.args
-        value = -scope.actual[part] if negated else scope.actual[part]
+        (a, b), value = part.args, scope.value(part, negated)
         inner, number, other_side = (a, b, False) if scope.still(b) else (b, a, part.op == "sub")
         if not scope.still(number) or (part.op == "div" and number is a):
             return None

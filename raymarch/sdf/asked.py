@@ -20,7 +20,7 @@ from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import max, min, where
 from raymarch.expr.walk import substitute
 from raymarch.sdf.convexity import is_concave_fold, is_convex
-from raymarch.sdf.node import Node
+from raymarch.sdf.node import Node, values_of
 from raymarch.sdf.readings import Reading
 from raymarch.sdf.ways import Box, Line, way_in_pieces
 
@@ -91,6 +91,10 @@ class Scope:
             boxes.append(_box_of(replace(piece.ask, point=q, direction=rate)))
         return reduce(min, ways), [] if None in boxes else [box for box in boxes if box is not None]
 
+    def value(self, part: Expr, negated: bool) -> Expr:
+        """The value of a part, or its negative."""
+        return -self.actual[part] if negated else self.actual[part]
+
     def still(self, part: Expr) -> bool:
         """True if a part depends on neither the point nor the children."""
         return part not in self.moving
@@ -153,7 +157,3 @@ def in_box(ask: Ask, found: Reading) -> Reading:
     if box is None:
         return found
     return Reading(found.value, found.line, lambda *at: max(found.ahead(*at), box.way(*at)))
-
-
-def values_of(node: Node) -> list[Expr]:
-    return [value for value in node.params.values() if isinstance(value, Expr)]

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
-from raymarch.sdf.outlines import Outline, distance_to_circle
+from raymarch.sdf.flat import across
+from raymarch.sdf.outlines import Outline, distance_to_circle, turn
 
 Floats = NDArray[np.float64]
 Arcs = list[tuple[Floats, float]]
@@ -68,8 +69,8 @@ def _is_straight(curve: Floats) -> bool:
         return False
     over = curve - curve[0]
     t = over @ along / size
-    across = np.abs(over[:, 0] * along[1] - over[:, 1] * along[0]) / size
-    return bool(np.all(across <= 1e-12 * size) and np.all(np.diff(t) >= -1e-12 * size))
+    aside = np.abs(across(over, along)) / size
+    return bool(np.all(aside <= 1e-12 * size) and np.all(np.diff(t) >= -1e-12 * size))
 
 
 def _way(curve: Floats) -> Floats:
@@ -83,7 +84,7 @@ def _way(curve: Floats) -> Floats:
 
 def _bulge(way: Floats, chord: Floats) -> float | None:
     """Of the arc that starts in a direction and has a chord; None for more than half a turn."""
-    angle = math.atan2(way[0] * chord[1] - way[1] * chord[0], float(way @ chord))
+    angle = turn(way, chord)
     return math.tan(0.5 * angle) if abs(angle) <= 0.5 * math.pi else None
 
 

@@ -19,7 +19,7 @@ from raymarch.expr.vocabulary import all_of, clamp, cross, dot, length, max, min
 from raymarch.sdf.definition import cube, shape
 from raymarch.sdf.domain import Direction, Fits, Length, NonNegative, Positive, Size2, Size3, Vec3
 from raymarch.sdf.facts import Exactness
-from raymarch.sdf.solids import along_axes
+from raymarch.sdf.solids import along_axes, from_faces
 
 __all__ = ["box_frame", "hexagonal_prism", "pyramid", "rhombus", "rounded_box", "slab", "triangular_prism"]
 __all__ += ["quad", "triangle"]
@@ -30,9 +30,10 @@ def smallest(v: Expr) -> Expr:
     return min(*v)
 
 
-def largest(v: Expr) -> Expr:
-    """The largest component."""
-    return max(*v)
+def from_side(r: Expr) -> Expr:
+    """The distance to an upright prism, by how far a point lies beyond a side, its ends and the height."""
+    inside = max(r.x, r.z)
+    return where(inside > 0.0, length(max(r, 0.0)), inside)
 
 
 @shape(
@@ -50,8 +51,7 @@ def rounded_box(p: Expr, size: Size3 = (2.0, 2.0, 2.0), rounding: NonNegative = 
 
     All points within that radius of a smaller box (Minkowski sum), so exact outside and inside.
     """
-    q = abs(p) - 0.5 * size + rounding
-    return length(max(q, 0.0)) + min(largest(q), 0.0) - rounding
+    return from_faces(abs(p) - 0.5 * size + rounding) - rounding
 
 
 @shape(
@@ -76,8 +76,8 @@ def box_frame(p: Expr, size: Size3 = (2.0, 2.0, 2.0), thickness: Positive = 0.2)
     bars = [vec3(*[beyond[i] if i == along else across[i] for i in range(3)]) for along in range(3)]
     outside = sqrt(min(*[dot(bar, bar) for bar in bars]))
     wall = q + thickness
-    hole = min(*[length(max(side, 0.0)) + min(max(side.x, side.y), 0.0) for side in (wall.xy, wall.yz, wall.zx)])
-    return where(outside > 0.0, outside, max(largest(q), -hole))
+    hole = min(*[from_faces(side) for side in (wall.xy, wall.yz, wall.zx)])
+    return where(outside > 0.0, outside, max(*q, -hole))
 
 
 def _slab_bounds(normal: Any, thickness: Any, offset: Any) -> tuple[Expr, Expr]:
@@ -217,9 +217,7 @@ def rhombus(p: Expr, diagonals: Size2 = (2.0, 1.2), height: Positive = 0.5) -> E
     from_corner = vec2(q.x - corner.x, q.z)
     beyond = dot(from_corner, vec2(corner.y, corner.x)) / side
     along = dot(from_corner, vec2(-corner.x, corner.y)) / side
-    r = vec3(beyond, max(-along, along - side), q.y - 0.5 * height)
-    inside = max(r.x, r.z)
-    return where(inside > 0.0, length(max(r, 0.0)), inside)
+    return from_side(vec3(beyond, max(-along, along - side), q.y - 0.5 * height))
 
 
 _ROOT_3 = math.sqrt(3.0)
@@ -242,9 +240,7 @@ def hexagonal_prism(p: Expr, width: Positive = 1.5, height: Positive = 1.0) -> E
     fold = vec2(-0.5 * _ROOT_3, 0.5)
     flat = vec2(q.x, q.z)
     flat = flat - 2.0 * min(dot(flat, fold), 0.0) * fold
-    r = vec3(flat.y - 0.5 * width, abs(flat.x) - 0.5 * width / _ROOT_3, q.y - 0.5 * height)
-    inside = max(r.x, r.z)
-    return where(inside > 0.0, length(max(r, 0.0)), inside)
+    return from_side(vec3(flat.y - 0.5 * width, abs(flat.x) - 0.5 * width / _ROOT_3, q.y - 0.5 * height))
 
 
 @shape(
@@ -266,9 +262,7 @@ def triangular_prism(p: Expr, side: Positive = 1.6, height: Positive = 1.0) -> E
     flat = vec2(abs(p.x), p.z)
     fold = vec2(0.5, 0.5 * _ROOT_3)
     flat = flat - 2.0 * max(dot(flat, fold), 0.0) * fold
-    r = vec3(-flat.y - 0.5 * side / _ROOT_3, abs(flat.x) - 0.5 * side, abs(p.y) - 0.5 * height)
-    inside = max(r.x, r.z)
-    return where(inside > 0.0, length(max(r, 0.0)), inside)
+    return from_side(vec3(-flat.y - 0.5 * side / _ROOT_3, abs(flat.x) - 0.5 * side, abs(p.y) - 0.5 * height))
 
 
 @shape(

@@ -26,15 +26,16 @@ from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, construct, expr, make
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import abs as absolute
-from raymarch.expr.vocabulary import max, min, round, vec3, where
+from raymarch.expr.vocabulary import max, min, round, where
 from raymarch.sdf.booleans import balanced
-from raymarch.sdf.definition import Child, ChildFacts, operator
+from raymarch.sdf.definition import Child, operator
 from raymarch.sdf.domain import Domain, Scalar, Size3, Vec3, Vector, Whole
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.node import Node
 from raymarch.sdf.repetition import (
     INFINITE,
     UNBOUNDED,
+    bounds_of_copies,
     box_of_copies,
     cells_of,
     check_centred,
@@ -70,11 +71,6 @@ ANY = Cells((-np.inf,) * 3, (np.inf,) * 3)
 CellsOf = Annotated[Any, Domain(None, holds=Cells)]
 
 
-def _bounds(child: ChildFacts, cells: Cells, spacing: Expr, nx: int, ny: int, nz: int, **_: Any) -> tuple[Expr, Expr]:
-    reach = vec3(*map(outermost, (nx, ny, nz))) * spacing
-    return child.lower - reach, child.upper + reach
-
-
 def _check_room(child: Facts, cells: Cells, spacing: Expr, nx: int, ny: int, nz: int, middle: Expr, half: Expr) -> None:
     """The solid of every cell must lie in its cell, and within the box of all cells."""
     width = interval_of(spacing)[0]
@@ -87,7 +83,7 @@ def _check_room(child: Facts, cells: Cells, spacing: Expr, nx: int, ny: int, nz:
             raise SceneError("varied_cells: the solid does not fit its cell", legal="repeat_varied(build, spacing)")
 
 
-@operator(bounds=_bounds, spread=1.0, check=_check_room, called="repeat_varied")
+@operator(bounds=bounds_of_copies, spread=1.0, check=_check_room, called="repeat_varied")
 def varied_cells(
     p: Expr,
     child: Child,

@@ -42,12 +42,15 @@ from raymarch.sdf.repetition import UNBOUNDED
 from raymarch.sdf.values import at_least
 
 
+def _farthest(facts: Facts, axes: str) -> float:
+    """The distance of the farthest corner of a box from the origin, in the plane of some axes."""
+    corner = np.maximum(np.abs(facts.lower), np.abs(facts.upper))
+    return float(np.linalg.norm(corner[["xyz".index(axis) for axis in axes]]))
+
+
 def _reach(node: Node, name: str, axes: str) -> float:
     """Largest distance of the child from the origin in the plane of some axes. SceneError if it is unbounded there."""
-    solid(name, node)
-    picks = ["xyz".index(axis) for axis in axes]
-    corner = np.maximum(np.abs(node.facts.lower), np.abs(node.facts.upper))[picks]
-    reach = float(np.linalg.norm(corner))
+    reach = _farthest(solid(name, node).facts, axes)
     if not np.isfinite(reach):
         what = f"{name}: {node.name} is unbounded across {axes}, so its stretch has no limit"
         raise SceneError(what, legal="a bounded solid; intersect it with a box first")
@@ -58,8 +61,7 @@ def _check_reach(axes: str) -> Any:
     """A check that the solid lies within the reach that is given to the definition."""
 
     def check(child: Facts, reach: Expr, **_: Any) -> None:
-        corner = np.maximum(np.abs(child.lower), np.abs(child.upper))[["xyz".index(axis) for axis in axes]]
-        known, least = float(interval_of(reach)[0]), float(np.linalg.norm(corner))
+        known, least = float(interval_of(reach)[0]), _farthest(child, axes)
         if not least <= known * (1 + 1e-12):
             what = f"reach = {known:g}, but the solid reaches {least:g} across {axes}"
             raise SceneError(what, legal=f"reach >= {least:g}")

@@ -27,6 +27,7 @@ from raymarch.expr.vocabulary import clamp, dot, length, max, min, normalize, sq
 from raymarch.sdf.definition import cube, shape
 from raymarch.sdf.domain import Domain, Fits, NonNegative, Points2, Positive, Size2, Vec2, require, shown
 from raymarch.sdf.facts import FARTHEST
+from raymarch.sdf.solids import from_faces
 
 __all__ = ["circle", "cross", "polyline", "rectangle", "rounded_rectangle", "stroke"]
 __all__ += ["flat_triangle", "polygon", "regular_polygon", "star", "trapezoid"]
@@ -57,8 +58,7 @@ def rectangle(p: Expr, size: Size2 = (2.0, 2.0)) -> Expr:
 
     size : full extents along x and y, each > 0; one number gives a square. Exact.
     """
-    q = abs(p) - 0.5 * size
-    return length(max(q, 0.0)) + min(max(q.x, q.y), 0.0)
+    return from_faces(abs(p) - 0.5 * size)
 
 
 @shape(
@@ -77,8 +77,7 @@ def rounded_rectangle(p: Expr, size: Size2 = (2.0, 2.0), rounding: NonNegative =
 
     All points within that radius of a smaller rectangle (Minkowski sum), so exact outside and inside.
     """
-    q = abs(p) - 0.5 * size + rounding
-    return length(max(q, 0.0)) + min(max(q.x, q.y), 0.0) - rounding
+    return from_faces(abs(p) - 0.5 * size + rounding) - rounding
 
 
 # Shapes given by their corners
@@ -138,7 +137,7 @@ minutes to compile."""
 def _enclosed_by_rows(p: Expr, corners: NDArray[np.float64]) -> Expr:
     """As `enclosed`; a row of the table is a corner and the mean of the normals of its edges."""
     along = np.roll(corners, -1, axis=0) - corners
-    normals = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
+    normals = -leftward(along) / np.linalg.norm(along, axis=1, keepdims=True)
     rows = np.concatenate([corners, normals + np.roll(normals, 1, axis=0)], axis=1)
     table = Table(np.concatenate([rows, rows[:1]]), f"a polygon of {len(corners)} corners")
 
@@ -159,6 +158,16 @@ def mirrors(corners: NDArray[np.float64]) -> str:
         if any(np.array_equal(np.roll(image, k, axis=0), corners) for k in range(len(corners))):
             found += axis
     return found
+
+
+def across(u: NDArray[Any], v: NDArray[Any]) -> Any:
+    """The cross product of vectors (..., 2)."""
+    return u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
+
+
+def leftward(v: NDArray[Any]) -> NDArray[Any]:
+    """Vectors (..., 2) turned by a quarter to the left."""
+    return np.stack([-v[..., 1], v[..., 0]], axis=-1)
 
 
 def _turns(a: NDArray[Any], b: NDArray[Any], c: NDArray[Any]) -> NDArray[Any]:

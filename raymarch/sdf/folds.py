@@ -22,6 +22,7 @@ from raymarch.expr.vocabulary import clamp, dot, length, max, min, normalize, ro
 from raymarch.sdf.definition import Child, operator, shape
 from raymarch.sdf.domain import Count, Domain, Factor, Scalar, as_operand, corners_of
 from raymarch.sdf.node import Node
+from raymarch.sdf.solids import from_faces
 from raymarch.sdf.values import at_least
 
 __all__ = ["ball_fold", "box_fold", "fold_fractal", "plane_fold"]
@@ -116,8 +117,7 @@ def _to_box(value: Expr, p: Expr, bounds: Corners) -> Expr:
     if not np.all(np.isfinite(bounds)):
         return value
     lower, upper = const(bounds[0]), const(bounds[1])
-    q = absolute(p - 0.5 * (lower + upper)) - 0.5 * (upper - lower)
-    return at_least(value, length(max(q, 0.0)) + min(max(q.x, q.y, q.z), 0.0))
+    return at_least(value, from_faces(absolute(p - 0.5 * (lower + upper)) - 0.5 * (upper - lower)))
 
 
 def _kaleidoscope(z: Expr, growth: Expr, p: Expr) -> tuple[Any, Any]:

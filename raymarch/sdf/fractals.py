@@ -80,6 +80,16 @@ def sierpinski(p: Expr, size: Positive = 2.0, iterations: Count = 5) -> Expr:
     return 0.5 * size * ((faces - 1.0) * (1.0 / math.sqrt(3.0)) / scale)
 
 
+def _escaped(i: Expr, z: Expr, growth: Expr) -> Expr:
+    return dot(z, z) > 16.0
+
+
+def _potential(z: Expr, growth: Expr) -> Expr:
+    """The distance by the potential of the set: that of an orbit that has escaped."""
+    r = length(z)
+    return 0.5 * log(max(r, TINY)) * r / growth
+
+
 @shape(exactness="estimate", bounds=lambda power: cube(exp2(1.0 / (power - 1.0))))
 def mandelbulb(p: Expr, power: Power = 8.0, iterations: Count = 5) -> Expr:
     """The Mandelbulb: z -> z^power + p in spherical coordinates (White and Nylander 2009).
@@ -95,9 +105,8 @@ def mandelbulb(p: Expr, power: Power = 8.0, iterations: Count = 5) -> Expr:
         turned = vec3(sin(theta) * cos(phi), cos(theta), sin(theta) * sin(phi))
         return pow(r, power) * turned + p, power * pow(r, power - 1.0) * growth + 1.0
 
-    z, growth = loop(iterations, (p, 1.0), step, until=lambda i, z, growth: dot(z, z) > 16.0)
-    r = length(z)
-    return 0.5 * log(max(r, TINY)) * r / growth
+    z, growth = loop(iterations, (p, 1.0), step, until=_escaped)
+    return _potential(z, growth)
 
 
 @shape(exactness="estimate", bounds=lambda c: cube(0.5 + sqrt(0.25 + length(c))))
@@ -113,9 +122,8 @@ def julia(p: Expr, c: Vec4 = (-0.2, 0.6, 0.2, 0.2), iterations: Count = 11) -> E
         turned = vec4(real, 2.0 * z.x * z.y, 2.0 * z.x * z.z, 2.0 * z.x * z.w) + c
         return turned, 2.0 * length(z) * growth
 
-    z, growth = loop(iterations, (vec4(p, 0.0), 1.0), step, until=lambda i, z, growth: dot(z, z) > 16.0)
-    r = length(z)
-    return 0.5 * log(max(r, TINY)) * r / max(growth, TINY)
+    z, growth = loop(iterations, (vec4(p, 0.0), 1.0), step, until=_escaped)
+    return _potential(z, max(growth, TINY))
 
 
 @shape(exactness="estimate", bounds=lambda: cube(6.0), symmetry="xyz")

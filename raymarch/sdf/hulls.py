@@ -12,7 +12,7 @@ from raymarch.errors import SceneError
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import holdable, numbers, short
 from raymarch.sdf.booleans import intersection
-from raymarch.sdf.flat import polygon
+from raymarch.sdf.flat import across, polygon
 from raymarch.sdf.node import Node
 from raymarch.sdf.solids import box, plane
 
@@ -80,17 +80,13 @@ def _flat_corners(points: Floats) -> Floats:
     for ordered in (points, points[::-1]):
         chain: list[Floats] = []
         for p in ordered:
-            while len(chain) > 1 and _left_turn(chain[-2], chain[-1], p) <= 1e-12 * size * size:
+            while len(chain) > 1 and across(chain[-1] - chain[-2], p - chain[-2]) <= 1e-12 * size * size:
                 chain.pop()
             chain.append(p)
         chains += chain[:-1]
     if len(chains) < 3:
         raise SceneError(f"hull: {len(points)} different points on one line", legal="points that enclose an area")
     return np.array(chains)
-
-
-def _left_turn(a: Floats, b: Floats, c: Floats) -> float:
-    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
 
 def _face_normals(points: Floats) -> Floats:

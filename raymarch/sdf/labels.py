@@ -21,6 +21,11 @@ def flattened(node: Node) -> list[Node]:
     return flat
 
 
+def operands_of(node: Node) -> Sequence[Node]:
+    """The children of a node; for an associative one, `flattened`."""
+    return flattened(node) if node.definition.associative else node.children
+
+
 def rows_of(node: Node) -> Any:
     """The rows of a node that is many objects; None for any other node."""
     return node.params.get("rows") if node.definition.arity == "none" else None
@@ -48,7 +53,7 @@ def seen_labels(root: Node) -> set[Any]:
         elif (rows := rows_of(node)) is not None:
             found.update(label if material is None else material for material in rows.labels)
         else:
-            children: Sequence[Node] = flattened(node) if node.definition.associative else node.children
+            children = operands_of(node)
             pending += [(child, label) for child in (cutting(children) if node.definition.cuts else children)]
     return found - {None}
 

@@ -27,11 +27,10 @@ from raymarch.expr.convert import described, file_path, input_file, integer, num
 from raymarch.expr.images import opened
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
-from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import clamp, length, max, min, vec2
 from raymarch.files import reading
 from raymarch.sdf.definition import cube, shape
-from raymarch.sdf.domain import Data, Domain, Positive, Scalar
+from raymarch.sdf.domain import Data, Positive, Scalar, domain_of
 from raymarch.sdf.node import Node
 
 if TYPE_CHECKING:
@@ -236,7 +235,7 @@ def _standing(made: Callable[..., Node], data: Samples, height: Expr) -> Node:
 def _checked(name: str, height: Scalar, resolution: int) -> tuple[Expr, int]:
     """The height as an expression, and the resolution; SceneError for what is not legal."""
     count = integer(f"{name}: resolution", resolution, 8, 512)
-    accepted: Expr = Domain(FLOAT, low=0.0, open=True, unit="length").accept(name, "height", height)
+    accepted: Expr = domain_of(Positive, None).accept(name, "height", height)
     return accepted, count
 
 

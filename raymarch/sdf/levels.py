@@ -199,13 +199,13 @@ SHORT = 0.9
 """Slope of a field below which effects that read it as a distance have a doubt."""
 
 
-def least_slope(root: Node) -> float:
-    """The least slope of a field near the surface of its nodes that stretch or deform, at most 1.
+def least_slope(root: Node, below: float = SHORT) -> float:
+    """The least slope of a field near the surface of its nodes that stretch or deform; 1 if none is below a limit, or
+    known: then the field may be read as a distance.
 
-    1 for a field that may be read as a distance: if no slope is below `SHORT`, or known.
+    below : `SHORT`, or `CORRECTED` for what effects divide by.
     """
-    least = min((slopes[0] for _, slopes in _uneven(root)), default=1.0)
-    return least if least < SHORT else 1.0
+    return min((slopes[0] for _, slopes in _uneven(root) if slopes[0] < below), default=1.0)
 
 
 def _uneven(root: Node) -> list[tuple[Node, tuple[float, float]]]:
@@ -217,11 +217,6 @@ def _uneven(root: Node) -> list[tuple[Node, tuple[float, float]]]:
 
 CORRECTED = 0.6
 """Slope of a field below which effects divide by it. This costs the gradient at each point that they read."""
-
-
-def slope_to_correct(root: Node) -> float:
-    """The least slope of fields that effects divide by their slope; 1 if they divide none."""
-    return min((slopes[0] for _, slopes in _uneven(root) if slopes[0] < CORRECTED), default=1.0)
 
 
 def over_slope(root: Node) -> Callable[[Node], Callable[[Function], Function] | None]:

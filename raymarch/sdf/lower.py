@@ -26,8 +26,8 @@ from raymarch.expr.walk import find, free_variables, rebuild, rewrite, run, subs
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.facts import FARTHEST
 from raymarch.sdf.interaction import POSITION, cells_of, depends_on_interaction
-from raymarch.sdf.labels import cutting, flattened, rows_of
-from raymarch.sdf.node import Node
+from raymarch.sdf.labels import cutting, operands_of, rows_of
+from raymarch.sdf.node import Node, values_of
 from raymarch.sdf.placement import turn_of
 from raymarch.sdf.values import FLOOR, from_box, reading_of
 from raymarch.sdf.visibility import RAY_KIND, shown
@@ -253,7 +253,7 @@ class Lowering:
         if rows is not None and marking and label is not PARTS:
             spelled = rows.spelled(label, point)
             return spelled * rows.divisor if undivided else spelled
-        children: Sequence[Node] = flattened(node) if node.definition.associative else node.children
+        children = operands_of(node)
         if self.bounding is not None and label is not PARTS and not undivided and self.bounding.applies(node, children):
             found = yield from self._bounded(node, children, point, label)
             if found is not None:
@@ -282,7 +282,7 @@ class Lowering:
         below = undivided or node.definition.adds(len(children), node.params)
         marking = label is not UNMARKED
         answers: list[Expr] = []
-        params = [v for v in node.params.values() if isinstance(v, Expr)]
+        params = values_of(node)
         if not children:
             value = reading_of(template, undivided)(point, *params)
             self.shapes.add(value)

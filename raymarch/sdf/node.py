@@ -14,6 +14,7 @@ from raymarch.conveniences import carried_out_by
 from raymarch.errors import Location, SceneError, user_location
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import described, short
+from raymarch.expr.node import Expr
 from raymarch.expr.peers import OPERATORS, refused_operator, unknown_attribute
 from raymarch.sdf.facts import Exactness, Facts
 from raymarch.sdf.methods import METHODS as METHODS
@@ -285,6 +286,21 @@ def replaced(
         node.label if label is _KEPT else label,
     )
     return at_line_of(node, made)
+
+
+def rederived(node: Node, children: tuple[Node, ...], params: Mapping[str, Any]) -> Node:
+    """The node with other children and parameters, and the facts that follow."""
+    return replaced(node, children, params, node.definition.derive(children, params))
+
+
+def values_of(node: Node) -> list[Expr]:
+    """The parameters that are expressions."""
+    return [value for value in node.params.values() if isinstance(value, Expr)]
+
+
+def has_constants(node: Node) -> bool:
+    """True if these are numbers that depend on nothing."""
+    return all(value.is_constant for value in values_of(node))
 
 
 def at_line_of(node: Node, made: Node) -> Node:

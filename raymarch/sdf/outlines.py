@@ -9,6 +9,7 @@ far away, is not in it.
 
 from __future__ import annotations
 
+import math
 from functools import cached_property, reduce
 from typing import Annotated, Any
 
@@ -23,7 +24,7 @@ from raymarch.expr.vocabulary import dot, length, vec2, where
 from raymarch.sdf.definition import shape
 from raymarch.sdf.domain import Domain
 from raymarch.sdf.facts import FARTHEST
-from raymarch.sdf.flat import AS_TEXT, edge, nearer
+from raymarch.sdf.flat import AS_TEXT, across, edge, leftward, nearer
 
 Floats = NDArray[np.float64]
 Rows = tuple[tuple[float, ...], ...]
@@ -53,8 +54,7 @@ class Outline:
     @cached_property
     def normal(self) -> Floats:
         """The left normal of each chord, (n, 2)."""
-        along = self.b - self.a
-        return np.stack([-along[:, 1], along[:, 0]], axis=1) / self.chord[:, None]
+        return leftward(self.b - self.a) / self.chord[:, None]
 
     @cached_property
     def cosine(self) -> Floats:
@@ -68,7 +68,7 @@ class Outline:
 
     def tangents(self) -> tuple[Floats, Floats]:
         """Unit directions at the starts and at the ends, each (n, 2)."""
-        along = np.stack([self.normal[:, 1], -self.normal[:, 0]], axis=1)
+        along = -leftward(self.normal)
         sine = 2.0 * self.bulge / (1.0 + self.bulge**2)
         straight, across = self.cosine[:, None] * along, sine[:, None] * self.normal
         return straight - across, straight + across
@@ -101,7 +101,7 @@ class Outline:
         It is the sum of the outward normals of the two pieces. Where they turn back it is along them.
         """
         tangents = self.tangents()
-        start, end = (np.stack([t[:, 1], -t[:, 0]], axis=1) for t in tangents)
+        start, end = (-leftward(t) for t in tangents)
         along = np.sign(self.tapered)[:, None] * tangents[1]
         at_end = np.where(self.cusps[:, None], along, end + start[self.following])
         at_start = np.empty_like(at_end)
@@ -145,11 +145,10 @@ class Outline:
 
     def area(self) -> float:
         """The area enclosed, by Green's theorem: that of the polygons of the chords, and of a segment for each arc."""
-        (x, y), (u, v) = self.a.T, self.b.T
         angle = 4.0 * np.arctan(self.bulge)
         with np.errstate(divide="ignore", invalid="ignore"):
             caps = np.where(self.bulge == 0.0, 0.0, (angle - np.sin(angle)) / self.curvature**2)
-        return float(0.5 * np.sum(x * v - y * u + caps))
+        return float(0.5 * np.sum(across(self.a, self.b) + caps))
 
     def mirrors(self) -> str:
         """The axes along which the outline is symmetric."""
@@ -164,13 +163,17 @@ class Outline:
     def convex(self) -> bool:
         """True if one outline turns to the left all the way."""
         start, end = self.tangents()
-        after = start[self.following]
-        turn = end[:, 0] * after[:, 1] - end[:, 1] * after[:, 0]
+        turn = across(end, start[self.following])
         one = len(self) > 0 and int(self.following[-1]) == 0
         return bool(one and np.all(self.bulge >= 0.0) and np.all(turn >= -NEAR) and not self.cusps.any())
 
 
 # Where pieces meet
+
+
+def turn(u: Floats, v: Floats) -> float:
+    """The angle from one direction to another, left is positive."""
+    return math.atan2(across(u, v), float(u @ v))
 
 
 def first_meeting(outline: Outline) -> tuple[int, int, Floats] | None:
@@ -247,7 +250,7 @@ def _crossings(outline: Outline, i: int, others: NDArray[np.int64]) -> tuple[Flo
     size = np.linalg.norm(line, axis=1)
     crossing = size > 1e-12
     line, level = line / np.where(crossing, size, 1.0)[:, None], level / np.where(crossing, size, 1.0)
-    along, foot = np.stack([-line[:, 1], line[:, 0]], axis=1), -level[:, None] * line
+    along, foot = leftward(line), -level[:, None] * line
     # k t^2 + 2 g t + h = 0 along the line
     g = 0.5 * np.sum(w * along, axis=1) + k * np.sum(foot * along, axis=1)
     h = k * np.sum(foot * foot, axis=1) + np.sum(w * foot, axis=1) + d

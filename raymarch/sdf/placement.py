@@ -11,7 +11,7 @@ from raymarch.expr.arrays import evaluator, value_of
 from raymarch.expr.node import Expr, const
 from raymarch.expr.walk import free_variables, substitute
 from raymarch.sdf.definition import PLACED
-from raymarch.sdf.node import Node
+from raymarch.sdf.node import Node, has_constants
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ def _other_side(node: Node, op: str, side: int) -> Expr | None:
 def affine_of(node: Node) -> tuple[Array, Array, float] | None:
     """Of a placed node with constant numbers: the matrix and the offset of the map to the child's point, and the factor
     of the child's value. None for any other node."""
-    if node.placed_as not in PLACED or not all(v.is_constant for v in node.params.values() if isinstance(v, Expr)):
+    if node.placed_as not in PLACED or not has_constants(node):
         return None
     point, moved, factor = node.definition.placement(node.params)
     run = evaluator([moved, const(1.0) if factor is None else factor], [point])

@@ -19,22 +19,21 @@ from raymarch.sdf.booleans import balanced, hull, intersection, union
 from raymarch.sdf.definition import Child, ChildFacts, around_y, combination, definition_of, operator
 from raymarch.sdf.deform import taper
 from raymarch.sdf.deform import twist as twist_solid
-from raymarch.sdf.domain import Domain, Length, Positive, Scalar, Word
+from raymarch.sdf.domain import Angle, Domain, Length, Positive, Scalar, Word, domain_of
 from raymarch.sdf.facts import Exactness, Facts
-from raymarch.sdf.flat import flat_triangle, polygon, rectangle, regular_polygon
+from raymarch.sdf.flat import across, flat_triangle, leftward, polygon, rectangle, regular_polygon
 from raymarch.sdf.joints import largest_difference
-from raymarch.sdf.node import Node, method
+from raymarch.sdf.node import Node, has_constants, method
 from raymarch.sdf.placing import rotate
 from raymarch.sdf.placing import scale as enlarge
-from raymarch.sdf.solids import box, plane
+from raymarch.sdf.solids import box, from_faces, plane
 
 # Extrusion
 
 
 def _prism(profile: Expr, z: Expr, height: Scalar) -> Expr:
     """The intersection of a profile in the xy plane and the slab |z| <= height / 2."""
-    over = vec2(profile, abs(z) - 0.5 * height)
-    return length(max(over, 0.0)) + min(max(over.x, over.y), 0.0)
+    return from_faces(vec2(profile, abs(z) - 0.5 * height))
 
 
 def _prism_bounds(lower: Expr, upper: Expr, height: Expr) -> tuple[Expr, Expr]:
@@ -120,9 +119,9 @@ def extrude(node: Node, height: Scalar = 1.0, scale: Scalar = 1.0, twist: Scalar
     outline of an exact shape by height * tan(draft) at the upper end; sides that meet below it end there in a ridge.
     """
     made = straight_extrusion(node, height)
-    lean = Domain(FLOAT, low=-STEEPEST_DRAFT, high=STEEPEST_DRAFT, unit="radians").accept("extrude", "draft", draft)
+    lean = domain_of(Draft, None).accept("extrude", "draft", draft)
     factor = Domain(FLOAT, low=0.01).accept("extrude", "scale", scale)
-    angle = Domain(FLOAT, unit="radians").accept("extrude", "twist", twist)
+    angle = domain_of(Angle, None).accept("extrude", "twist", twist)
     grows = not (factor.is_constant and factor.data == 1.0)
     turns = not (angle.is_constant and angle.data == 0.0)
     if not (lean.is_constant and lean.data == 0.0):
@@ -236,7 +235,7 @@ MOST_CORNERS = 64
 
 def _convex_corners(node: Node) -> NDArray[np.float64] | None:
     """The corners of a convex polygon with constant numbers, counter-clockwise; None for any other shape."""
-    if not (node.facts.convex and all(v.is_constant for v in node.params.values() if isinstance(v, Expr))):
+    if not (node.facts.convex and has_constants(node)):
         return None
     p = {name: np.array(v.data if isinstance(v, Expr) else v, np.float64) for name, v in node.params.items()}
     if node.definition is definition_of(rectangle):
@@ -250,8 +249,8 @@ def _convex_corners(node: Node) -> NDArray[np.float64] | None:
         corners = p["radius"] * np.stack([np.sin(turn), np.cos(turn)], axis=1)
     else:
         return None
-    (x, y), (u, v) = corners.T, np.roll(corners, -1, axis=0).T
-    return None if len(corners) > MOST_CORNERS else corners if np.sum(x * v - y * u) > 0.0 else corners[::-1]
+    area = np.sum(across(corners, np.roll(corners, -1, axis=0)))
+    return None if len(corners) > MOST_CORNERS else corners if area > 0.0 else corners[::-1]
 
 
 def _frustum(bottom: NDArray[np.float64], top: NDArray[np.float64], height: float) -> Node:
@@ -262,7 +261,7 @@ def _frustum(bottom: NDArray[np.float64], top: NDArray[np.float64], height: floa
     """
     edges = np.concatenate([np.roll(each, -1, axis=0) - each for each in (bottom, top)])
     edges = edges[np.linalg.norm(edges, axis=1) > 0.0]
-    normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / np.linalg.norm(edges, axis=1, keepdims=True)
+    normals = -leftward(edges) / np.linalg.norm(edges, axis=1, keepdims=True)
     normals = normals[np.unique(np.round(normals, 12), axis=0, return_index=True)[1]]
     below, above = (np.max(each @ normals.T, axis=0) for each in (bottom, top))
     both = np.concatenate([bottom, top])

@@ -44,7 +44,7 @@ def shift_of(n: int) -> float:
     return 0.5 if n and n % 2 == 0 else 0.0
 
 
-def _bounds(child: ChildFacts, spacing: Expr, centre: Expr, nx: int, ny: int, nz: int, **_: int) -> tuple[Expr, Expr]:
+def bounds_of_copies(child: ChildFacts, spacing: Expr, nx: int, ny: int, nz: int, **_: object) -> tuple[Expr, Expr]:
     """The box of the outermost copies. An axis without repetition has one copy."""
     reach = construct(*map(outermost, (nx, ny, nz)[: len(spacing)])) * spacing
     return child.lower - reach, child.upper + reach
@@ -68,7 +68,7 @@ def _shift(by: Any, spacing: Expr, nx: int, ny: int, nz: int) -> tuple[dict[str,
 
 @operator(
     exactness=_exact_if_apart,
-    bounds=_bounds,
+    bounds=bounds_of_copies,
     shift=_shift,
     symmetry=lambda child, centre: unmoved(child.symmetry, centre),
     # guarded, it is at least the distance to all copies' box

@@ -47,6 +47,7 @@ from raymarch.sdf.domain import (
     surely,
 )
 from raymarch.sdf.facts import Exactness
+from raymarch.sdf.solids import from_faces
 
 __all__ = ["ellipsoid", "superquadric"]
 __all__ += ["capped_torus", "disc", "link"]
@@ -131,8 +132,7 @@ def superquadric(
     a = abs(p) / half
     norm = norm2(norm2(a.x, a.z, east_west), a.y, north_south)
     steepest = _steepest(_steepest(1.0 / half.x, 1.0 / half.z, east_west), 1.0 / half.y, north_south)
-    b = abs(p) - half
-    return max((norm - 1.0) / steepest, length(max(b, 0.0)) + min(max(b.x, b.y, b.z), 0.0))
+    return max((norm - 1.0) / steepest, from_faces(abs(p) - half))
 
 
 # Rings
@@ -223,8 +223,7 @@ def rounded_cylinder(p: Expr, radius: Positive = 1.0, height: Positive = 2.0, ro
     radius : of the whole, > 0. height : full height, > 0.
     rounding : radius of the edges, >= 0, at most `radius` and half the height.
     """
-    q = vec2(length(p.xz) - radius, abs(p.y) - 0.5 * height) + rounding
-    return length(max(q, 0.0)) + min(max(q.x, q.y), 0.0) - rounding
+    return from_faces(vec2(length(p.xz) - radius, abs(p.y) - 0.5 * height) + rounding) - rounding
 
 
 @shape(
@@ -315,8 +314,7 @@ def line(p: Expr, a: Vec3, b: Vec3, radius: Positive = 0.2) -> Expr:
     axis = normalize(b - a)
     from_middle = p - 0.5 * (a + b)
     along = dot(from_middle, axis)
-    q = vec2(length(from_middle - axis * along) - radius, abs(along) - 0.5 * length(b - a))
-    return length(max(q, 0.0)) + min(max(q.x, q.y), 0.0)
+    return from_faces(vec2(length(from_middle - axis * along) - radius, abs(along) - 0.5 * length(b - a)))
 
 
 @shape(

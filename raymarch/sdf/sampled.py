@@ -20,10 +20,9 @@ from raymarch.expr.function import sum_of
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.samples import Samples, sample
-from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import clamp, length, max, min, vec2
 from raymarch.sdf.definition import shape
-from raymarch.sdf.domain import Data, Domain, Scalar, Size3, Vec3, Vector
+from raymarch.sdf.domain import Data, Number, Scalar, Size3, Vec3, Vector, domain_of
 from raymarch.sdf.node import Node
 from raymarch.sdf.offsets import offset
 from raymarch.sdf.solids import box
@@ -138,7 +137,7 @@ def grid(values: ArrayLike, size: Vector | Scalar = (2.0, 2.0, 2.0), center: Vec
             legal="samples on the faces of the box >= 0: a larger box, or grid(...) & box(...) of padded samples; "
             "rm.isosurface(values, level) for values that are no distances",
         )
-    whole = Domain(VEC3, low=0.0, open=True, stretch=True).accept("grid", "size", size)
+    whole = domain_of(Size3, None).accept("grid", "size", size)
     return sampled_grid(_as_distances(array, interval_of(whole)[0]), whole, center)
 
 
@@ -173,8 +172,8 @@ def isosurface(
     """
     array = finite_grid("isosurface", values, "numbers", missing=True)
     array = np.where(np.isnan(array), np.nanmin(array), array)
-    at = Domain(FLOAT).accept("isosurface", "level", level)
-    whole = Domain(VEC3, low=0.0, open=True, stretch=True).accept("isosurface", "size", size)
+    at = domain_of(Number, None).accept("isosurface", "level", level)
+    whole = domain_of(Size3, None).accept("isosurface", "size", size)
     if not whole.is_constant:
         raise SceneError(f"isosurface: size = {short(size)}", legal="numbers, because slopes depend on them")
     extents = np.asarray(whole.data, np.float64)

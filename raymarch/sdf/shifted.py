@@ -16,7 +16,7 @@ from raymarch.expr.node import const
 from raymarch.expr.walk import find, run, topological
 from raymarch.sdf.affine import affine
 from raymarch.sdf.interaction import POSITION
-from raymarch.sdf.node import Node, at_line_of, replaced
+from raymarch.sdf.node import Node, at_line_of, rederived
 from raymarch.sdf.placement import affine_of, at_point, offset_of
 from raymarch.sdf.placing import translate
 
@@ -48,7 +48,7 @@ def _shift(node: Node, by: Vector) -> Work:
     rule = node.definition.shift
     if rule is not None and (found := rule(by, **node.params)) is not None:
         changed, rest = found
-        made = _again(node, node.children, {**node.params, **changed}) if changed else node
+        made = rederived(node, node.children, {**node.params, **changed}) if changed else node
         return _translated(made, rest)
     if node.children and _pointwise(node):
         return (yield from _below(node, by))
@@ -61,7 +61,7 @@ def _placed(node: Node, by: Vector, linear: Matrix, offset: Vector, factor: floa
     """The child is shifted to where the node evaluates it; what is left is linear."""
     child = yield node.children[0], _key(at_point(node, by))
     if not np.any(offset):
-        return _again(node, (child,), node.params)
+        return rederived(node, (child,), node.params)
     return at_line_of(node, affine(child, np.linalg.inv(linear), linear, np.zeros(len(by)), factor))
 
 
@@ -70,16 +70,11 @@ def _below(node: Node, by: Vector) -> Work:
     children = []
     for child in node.children:
         children.append((yield child, _key(by)))
-    return _again(node, tuple(children), node.params)
+    return rederived(node, tuple(children), node.params)
 
 
 def _key(by: Vector) -> tuple[float, ...]:
     return tuple(float(v) for v in by)
-
-
-def _again(node: Node, children: tuple[Node, ...], params: Any) -> Node:
-    """The node with other children and parameters, and the facts that follow."""
-    return replaced(node, children, params, node.definition.derive(children, params))
 
 
 def _translated(node: Node, by: Vector) -> Node:

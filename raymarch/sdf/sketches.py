@@ -17,7 +17,7 @@ from raymarch.expr.peers import unknown_attribute
 from raymarch.sdf.biarcs import as_arcs, through
 from raymarch.sdf.domain import NonNegative, Positive, domain_of
 from raymarch.sdf.node import METHODS, Node
-from raymarch.sdf.outlines import NEAR, Outline, closed_outline, first_meeting, in_table
+from raymarch.sdf.outlines import NEAR, Outline, closed_outline, first_meeting, in_table, turn
 from raymarch.sdf.trims import Cut, cut_corners
 
 __all__ = ["sketch"]
@@ -39,11 +39,6 @@ def _length(what: str, name: str, value: Any, annotation: Any = Positive) -> flo
     if not given.is_constant:
         raise SceneError(f"{what}: {name} = {short(value)}", legal="a number; a sketch has no `Param`")
     return float(given.data)
-
-
-def _turn(u: Floats, v: Floats) -> float:
-    """The angle from one direction to another, left is positive."""
-    return math.atan2(u[0] * v[1] - u[1] * v[0], float(u @ v))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -153,7 +148,7 @@ class Sketch:
         """
         via, point = _point("sketch: arc_through: middle", middle), _point("sketch: arc_through: end", end)
         first, second = via - self._end, point - via
-        angle = _turn(first, second)
+        angle = turn(first, second)
         if not (first.any() and second.any()) or np.array_equal(point, self._end) or abs(angle) > math.pi - 1e-9:
             what = f"sketch: no arc from {self.points[-1]} through {short(middle)} to {short(end)}"
             raise SceneError(what, legal="three points that differ, the second between the others")
@@ -164,7 +159,7 @@ class Sketch:
         point = _point("sketch: tangent_arc_to: end", end)
         if not self.bulges:
             raise SceneError("sketch: tangent_arc_to without a piece before it", legal="a line or an arc first")
-        angle = _turn(self._direction, point - self._end)
+        angle = turn(self._direction, point - self._end)
         if abs(angle) > math.pi - 1e-9:
             what = f"sketch: tangent_arc_to {short(end)}, which lies straight behind"
             raise SceneError(what, legal="a point that an arc reaches")

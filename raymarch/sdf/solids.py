@@ -16,6 +16,11 @@ from raymarch.sdf.domain import Direction, Fits, Length, Positive, Size3, Vec3
 __all__ = ["box", "capsule", "cylinder", "plane", "sphere", "torus"]
 
 
+def from_faces(beyond: Expr) -> Expr:
+    """Signed distance to faces at right angles, by how far a point lies beyond each."""
+    return length(max(beyond, 0.0)) + min(max(*beyond), 0.0)
+
+
 @shape(
     exactness="exact",
     bounds=lambda radius: cube(radius),
@@ -100,8 +105,7 @@ def cylinder(p: Expr, radius: Positive = 1.0, height: Positive = 2.0) -> Expr:
 
     radius : length, > 0. height : full height, > 0.
     """
-    q = vec2(length(p.xz) - radius, abs(p.y) - 0.5 * height)
-    return length(max(q, 0.0)) + min(max(q.x, q.y), 0.0)
+    return from_faces(vec2(length(p.xz) - radius, abs(p.y) - 0.5 * height))
 
 
 def _capsule_radii(a: Any, b: Any, radius: Any) -> Expr:

@@ -3,18 +3,18 @@ it is the distance to what is left, not to the end of a tool, where nothing is d
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, TypeAlias
+from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
-from raymarch.expr.node import Expr, const
+from raymarch.expr.node import const
 from raymarch.sdf.definition import definition_of
 from raymarch.sdf.evaluation import evaluate_distance
 from raymarch.sdf.flat import rectangle
-from raymarch.sdf.node import Node, all_nodes, at_line_of, children_first, replaced
+from raymarch.sdf.node import Node, all_nodes, at_line_of, children_first, has_constants, rederived, replaced
 from raymarch.sdf.placement import affine_of
 from raymarch.sdf.placing import translate
 from raymarch.sdf.profiles import straight_extrusion
@@ -60,17 +60,12 @@ def with_longer_tools(root: Node, reach: float) -> Node:
     return made[id(root)]
 
 
-def _again(node: Node, children: tuple[Node, ...], params: Mapping[str, Any]) -> Node:
-    return replaced(node, children, params, node.definition.derive(children, params))
-
-
 def _is_hard(node: Node, name: str) -> bool:
     return node.name == name and not node.params
 
 
 def _is_constant(node: Node) -> bool:
-    values = [value for each in all_nodes(node) for value in each.params.values()]
-    return all(value.is_constant for value in values if isinstance(value, Expr))
+    return all(map(has_constants, all_nodes(node)))
 
 
 @remembered
@@ -106,7 +101,7 @@ def _tool(tool: Node, base: Node, above: Callable[[Array], Array]) -> tuple[Node
         return tool, np.inf
     made = [_tool(child, base, inner) for child in tool.children]
     beyond = min(found for _, found in made)
-    return (tool if beyond == np.inf else _again(tool, tuple(child for child, _ in made), tool.params)), beyond
+    return (tool if beyond == np.inf else rederived(tool, tuple(child for child, _ in made), tool.params)), beyond
 
 
 def _shape(tool: Node, base: Node, above: Callable[[Array], Array]) -> tuple[Node, float]:
@@ -132,7 +127,7 @@ def _shape(tool: Node, base: Node, above: Callable[[Array], Array]) -> tuple[Nod
     if least == np.inf:
         return tool, np.inf
     size = high - low
-    made = _again(tool, tool.children, {**tool.params, name: const(size if name == "size" else size[axes[0]])})
+    made = rederived(tool, tool.children, {**tool.params, name: const(size if name == "size" else size[axes[0]])})
     moved = translate(made, tuple((0.5 * (low + high - lower - upper)).tolist()))
     return at_line_of(tool, moved), least
 

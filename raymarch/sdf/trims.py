@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
-from raymarch.sdf.outlines import NEAR, Outline
+from raymarch.sdf.flat import across, leftward
+from raymarch.sdf.outlines import NEAR, Outline, turn
 
 Floats = NDArray[np.float64]
 
@@ -50,13 +51,13 @@ class Ray(NamedTuple):
         sine, versed = (
             (s, 0.0) if angle == 0.0 else (math.sin(angle) / self.curvature, (1.0 - math.cos(angle)) / self.curvature)
         )
-        left = np.array([-self.way[1], self.way[0]])
+        left = leftward(self.way)
         return self.corner + sine * self.way + versed * left, math.cos(angle) * self.way + math.sin(angle) * left
 
     def foot(self, point: Floats) -> float:
         """The length along the piece to the point of its line or circle that is nearest to another one."""
         over = point - self.corner
-        along, left = float(over @ self.way), float(self.way[0] * over[1] - self.way[1] * over[0])
+        along, left = float(over @ self.way), float(across(self.way, over))
         if self.curvature == 0.0:
             return along
         k = self.curvature
@@ -81,8 +82,7 @@ def cut_corners(
     sharp = {}
     for corner, cut in cuts.items():
         if cut.size > 0.0:
-            turn = _turn_at(outline, corner)
-            if abs(turn) > 1e-6:
+            if abs(_turn_at(outline, corner)) > 1e-6:
                 sharp[corner] = cut
             elif cut.named:
                 what = f"sketch: {cut.kind} at corner {_called(points, corner, numbers, names)}, where it is smooth"
@@ -106,8 +106,7 @@ def _called(points: Floats, corner: int, numbers: Mapping[int, int], names: Mapp
 def _turn_at(outline: Outline, corner: int) -> float:
     """The angle by which the outline turns at a corner, positive to the left."""
     start, end = outline.tangents()
-    u, v = end[corner - 1], start[corner]
-    return math.atan2(u[0] * v[1] - u[1] * v[0], float(u @ v))
+    return turn(end[corner - 1], start[corner])
 
 
 def _lengths(outline: Outline) -> Floats:
@@ -137,11 +136,12 @@ def _trims(outline: Outline, cuts: Mapping[int, Cut]) -> Trims:
 
 def _filleted(before: Ray, after: Ray, radius: float) -> tuple[float, float]:
     """The lengths to the points where a circle touches both pieces, the nearest to the corner."""
-    u, v = before.way, after.way
-    side = 1.0 if u[0] * v[1] - u[1] * v[0] < 0.0 else -1.0  # 1 if the inner side is left of the piece after the corner
+    side = (
+        1.0 if across(before.way, after.way) < 0.0 else -1.0
+    )  # 1 if the inner side is left of the piece after the corner
     curves = []
     for ray, left in ((before, -side), (after, side)):
-        normal = np.array([-ray.way[1], ray.way[0]])
+        normal = leftward(ray.way)
         if ray.curvature == 0.0:
             curves.append((ray.corner + left * radius * normal, ray.way, 0.0))
         elif 1.0 - ray.curvature * left * radius > 0.0:
@@ -165,9 +165,8 @@ def _common(first: Curve, second: Curve) -> list[Floats]:
     """The points that two lines or circles have in common."""
     (p, u, r), (q, v, s) = first, second
     if r == 0.0 == s:
-        across = float(u[0] * v[1] - u[1] * v[0])
-        over = q - p
-        return [] if across == 0.0 else [p + u * float(over[0] * v[1] - over[1] * v[0]) / across]
+        area = float(across(u, v))
+        return [] if area == 0.0 else [p + u * float(across(q - p, v)) / area]
     if r == 0.0:
         foot, half, along = p + u * float((q - p) @ u), 0.0, u
         half = s * s - float((foot - q) @ (foot - q))
@@ -179,7 +178,7 @@ def _common(first: Curve, second: Curve) -> list[Floats]:
         if apart == 0.0:
             return []
         share = 0.5 * (apart * apart + (r - s) * (r + s)) / apart
-        foot, half, along = p + over / apart * share, r * r - share * share, np.array([-over[1], over[0]]) / apart
+        foot, half, along = p + over / apart * share, r * r - share * share, leftward(over) / apart
     if half < -1e-12 * max(r, s) ** 2:
         return []
     root = math.sqrt(max(half, 0.0))
@@ -219,8 +218,7 @@ def _joined(outline: Outline, cuts: Mapping[int, Cut], trims: Trims) -> Floats:
         start, way = after.at(second)
         if i in cuts:
             leave, back = before.at(first)
-            turn = math.atan2(back[1] * way[0] - back[0] * way[1], -float(back @ way))
-            rows.append([leave, start, math.tan(0.25 * turn) if cuts[i].kind == "fillet" else 0.0])
+            rows.append([leave, start, math.tan(0.25 * turn(-back, way)) if cuts[i].kind == "fillet" else 0.0])
         left = lengths[i] - second - trims.get((i + 1) % n, (0.0, 0.0))[0]
         if left > near:
             bulge = math.tan(math.atan(outline.bulge[i]) * left / lengths[i])

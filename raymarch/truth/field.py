@@ -25,7 +25,7 @@ from raymarch.scene.scene import Scene
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.facts import Facts
 from raymarch.sdf.interaction import SCENE_INTERACTION, material_expressions
-from raymarch.sdf.levels import over_slope, slope_to_correct
+from raymarch.sdf.levels import CORRECTED, least_slope, over_slope
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
 from raymarch.sdf.visibility import hiding_nodes
@@ -86,7 +86,7 @@ class Field:
 
     @cached_property
     def _least_slope(self) -> float:
-        return slope_to_correct(self._node)
+        return least_slope(self._node, CORRECTED)
 
     def undivided(self, points: Array) -> NDArray[np.float64]:
         """The field before it is divided, and over its slope if that is small: what effects read as the distance.
