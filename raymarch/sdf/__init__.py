@@ -12,7 +12,6 @@ from raymarch.sdf import queries as _queries
 from raymarch.sdf.affine import transform
 from raymarch.sdf.ball_parts import *
 from raymarch.sdf.booleans import *
-from raymarch.sdf.boxes import *
 from raymarch.sdf.cells import *
 from raymarch.sdf.copies import polar, repeat_interval, repeat_mirrored
 from raymarch.sdf.curves import *
@@ -45,7 +44,6 @@ from raymarch.sdf.rounds import *
 from raymarch.sdf.sampled import *
 from raymarch.sdf.sketches import *
 from raymarch.sdf.solids import *
-from raymarch.sdf.tubes import *
 from raymarch.sdf.visibility import visible
 
 if not TYPE_CHECKING:  # type checkers know the public names by the imports of all names

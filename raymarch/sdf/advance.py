@@ -28,13 +28,10 @@ from raymarch.expr.walk import depends_on, find, rebuild, run, substitute, topol
 from raymarch.sdf.asked import Ask, Piece, Scope, in_box, in_pieces
 from raymarch.sdf.convexity import hull_of, is_concave_fold, is_convex, known_parts
 from raymarch.sdf.facts import FARTHEST
-from raymarch.sdf.heights_ahead import free_over
-from raymarch.sdf.implicit_ahead import free_way
 from raymarch.sdf.intersections import interval_of_ray
 from raymarch.sdf.labels import operands_of, rows_of
 from raymarch.sdf.lower import Lowering
-from raymarch.sdf.node import Node, children_first, values_of
-from raymarch.sdf.pieces import borders
+from raymarch.sdf.node import Node, children_first, folded, values_of
 from raymarch.sdf.readings import (
     Ahead,
     Reading,
@@ -45,9 +42,10 @@ from raymarch.sdf.readings import (
     union_of,
 )
 from raymarch.sdf.same import remembered
+from raymarch.sdf.stretches import free_over, free_way
 from raymarch.sdf.values import BOUND, reading_of
 from raymarch.sdf.visibility import shown
-from raymarch.sdf.ways import Line, way_out
+from raymarch.sdf.ways import Line, borders, way_out
 
 STRETCH = var("stretch_ahead", FLOAT)
 """The stretch of the ray for which leaves with bounds of a stretch are asked; a variable of the shader."""
@@ -365,10 +363,8 @@ DEEPEST = 100
 @remembered
 def readable(root: Node) -> bool:
     """True if the field is certified, and its tree not too deep."""
-    depth: dict[int, int] = {}
-    for node in children_first(root):
-        depth[id(node)] = 1 + builtins.max((depth[id(child)] for child in node.children), default=0)
-    return root.facts.exactness != "estimate" and depth[id(root)] <= DEEPEST
+    depth = folded(root, lambda _, below: 1 + builtins.max(below, default=0))
+    return root.facts.exactness != "estimate" and depth <= DEEPEST
 
 
 def _way_on_stretch(ask: Ask) -> Ahead | None:

@@ -14,7 +14,7 @@ from raymarch.expr.node import Expr
 from raymarch.expr.walk import find
 from raymarch.sdf.blends import FAMILIES
 from raymarch.sdf.definition import Definition
-from raymarch.sdf.node import Node, children_first
+from raymarch.sdf.node import Node, folded
 from raymarch.sdf.same import remembered
 from raymarch.sdf.values import BOUND
 
@@ -31,10 +31,7 @@ def is_concave_fold(function: Function) -> bool:
 @remembered
 def is_convex(node: Node) -> bool:
     """True if the field of a node is known to be a convex function of the point."""
-    known: dict[int, bool] = {}
-    for each in children_first(node):
-        known[id(each)] = _convex(each, [known[id(child)] for child in each.children])
-    return known[id(node)]
+    return folded(node, _convex)
 
 
 def _convex(node: Node, below: Sequence[bool]) -> bool:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from operator import is_
 from typing import Any
 
-from raymarch.sdf.node import Node, children_first, replaced
+from raymarch.sdf.node import Node, folded, replaced
 
 
 def flattened(node: Node) -> list[Node]:
@@ -60,15 +61,14 @@ def seen_labels(root: Node) -> set[Any]:
 
 def relabelled(root: Node, change: Callable[[Any], Any]) -> Node:
     """The same solid with labels mapped by a function. Shared nodes stay shared."""
-    made: dict[int, Node] = {}
-    for node in children_first(root):
-        children = tuple(made[id(child)] for child in node.children)
+
+    def made(node: Node, children: list[Node]) -> Node:
         label = None if node.label is None else change(node.label)
         rows = rows_of(node)
         if rows is not None and rows.labelled:
-            made[id(node)] = replaced(node, (), {"rows": rows.relabelled(change)})
-        elif all(a is b for a, b in zip(children, node.children, strict=True)) and label is node.label:
-            made[id(node)] = node
-        else:
-            made[id(node)] = replaced(node, children, label=label)
-    return made[id(root)]
+            return replaced(node, (), {"rows": rows.relabelled(change)})
+        if all(map(is_, children, node.children)) and label is node.label:
+            return node
+        return replaced(node, tuple(children), label=label)
+
+    return folded(root, made)

@@ -234,6 +234,7 @@ class Node(Methods):
         material, raycast, material_at = placing.material, queries.raycast, queries.material_at
 
 
+T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., Any])
 
 
@@ -343,6 +344,14 @@ def children_first(root: Node, entered: Callable[[Node], bool] = lambda _node: T
             found[id(node)] = node
         pending += missing
     return list(found.values())
+
+
+def folded(root: Node, of: Callable[[Node, list[T]], T]) -> T:
+    """What follows of a tree: `of` receives each node once, with the answers of its children."""
+    found: dict[int, T] = {}
+    for node in children_first(root):
+        found[id(node)] = of(node, [found[id(child)] for child in node.children])
+    return found[id(root)]
 
 
 def _refused(symbol: str) -> tuple[Callable[..., Any], Callable[..., Any]]:

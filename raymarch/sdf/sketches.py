@@ -14,11 +14,10 @@ from raymarch.errors import SceneError
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import holdable, numbers, short, switch
 from raymarch.expr.peers import unknown_attribute
-from raymarch.sdf.biarcs import as_arcs, through
 from raymarch.sdf.domain import NonNegative, Positive, domain_of
+from raymarch.sdf.drawing import Cut, as_arcs, cut_corners, through
 from raymarch.sdf.node import METHODS, Node
 from raymarch.sdf.outlines import NEAR, Outline, closed_outline, first_meeting, in_table, turn
-from raymarch.sdf.trims import Cut, cut_corners
 
 __all__ = ["sketch"]
 

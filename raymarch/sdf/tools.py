@@ -4,6 +4,7 @@ it is the distance to what is left, not to the end of a tool, where nothing is d
 from __future__ import annotations
 
 from collections.abc import Callable
+from operator import is_
 from typing import TypeAlias
 
 import numpy as np
@@ -14,7 +15,7 @@ from raymarch.expr.node import const
 from raymarch.sdf.definition import definition_of
 from raymarch.sdf.evaluation import evaluate_distance
 from raymarch.sdf.flat import rectangle
-from raymarch.sdf.node import Node, all_nodes, at_line_of, children_first, has_constants, rederived, replaced
+from raymarch.sdf.node import Node, all_nodes, at_line_of, folded, has_constants, rederived, replaced
 from raymarch.sdf.placement import affine_of
 from raymarch.sdf.placing import translate
 from raymarch.sdf.profiles import straight_extrusion
@@ -49,15 +50,13 @@ def with_longer_tools(root: Node, reach: float) -> Node:
     chosen = {id(node) for node in cuts[:MEASURED] if _longer(node)[1] < reach}
     if not chosen:
         return root
-    made: dict[int, Node] = {}
-    for node in children_first(root):
-        children = tuple(made[id(child)] for child in node.children)
-        changed = any(a is not b for a, b in zip(children, node.children, strict=True))
-        one = replaced(node, children, facts=node.facts) if changed else node
+
+    def made(node: Node, children: list[Node]) -> Node:
         if id(node) in chosen:
-            one = replaced(node, (children[0], *_longer(node)[0].children[1:]), facts=node.facts)
-        made[id(node)] = one
-    return made[id(root)]
+            return replaced(node, (children[0], *_longer(node)[0].children[1:]))
+        return node if all(map(is_, children, node.children)) else replaced(node, tuple(children))
+
+    return folded(root, made)
 
 
 def _is_hard(node: Node, name: str) -> bool:
