@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from raymarch.sdf import evaluation as _evaluation  # these register how a node is evaluated, printed and pickled
 from raymarch.sdf import pickling as _pickling
-from raymarch.sdf import queries as _queries
 from raymarch.sdf.affine import transform
 from raymarch.sdf.ball_parts import *
 from raymarch.sdf.booleans import *

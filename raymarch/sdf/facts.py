@@ -104,6 +104,11 @@ def radial(v: NDArray[Any]) -> NDArray[np.float64]:
     return np.stack([np.hypot(y, z), np.hypot(x, z), np.hypot(x, y), np.hypot(np.hypot(x, y), z)], axis=-1)
 
 
+def lattice(axes: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """The points of a grid, (N, d), by the coordinates along each axis."""
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+
+
 def worst(*levels: Exactness) -> Exactness:
     """The weakest of some promises."""
     return max(levels, key=ORDER.index)

@@ -27,6 +27,7 @@ from raymarch.expr.vocabulary import clamp, dot, length, max, min
 from raymarch.expr.walk import rebuild, rewrite, topological
 from raymarch.sdf.definition import shape
 from raymarch.sdf.domain import Domain, Positive, Scalar, Vec3, Vector, as_operand, corners_of
+from raymarch.sdf.facts import lattice
 from raymarch.sdf.node import Node
 from raymarch.sdf.values import with_bound
 
@@ -187,7 +188,7 @@ class _Seen(NamedTuple):
 def _looked_at(function: Function, level: Expr, lower: NDArray[np.float64], upper: NDArray[np.float64]) -> _Seen:
     whole = companion(function)
     axes = [np.linspace(a, b, SAMPLES) for a, b in zip(lower, upper, strict=True)]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    points = lattice(axes)
     values = evaluator([function.body - level], function.params)(points)[0].reshape((SAMPLES,) * 3)
     _refuse(function, values, points)
     inner, ranges = _cells(whole, level, lower, upper)
@@ -230,7 +231,7 @@ def _cells(
     whole: Function, level: Expr, lower: NDArray[np.float64], upper: NDArray[np.float64]
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
     """By intervals, for each cell of a grid: whether the function may be below its level, and its steepest slope."""
-    index = np.stack(np.meshgrid(*3 * [np.arange(CELLS)], indexing="ij"), axis=-1).reshape(-1, 3)
+    index = lattice(3 * [np.arange(CELLS)])
     step = (upper - lower) / CELLS
     with np.errstate(all="ignore"):
         ((low, high),) = Program([whole.body], whole.params, INTERVALS)(

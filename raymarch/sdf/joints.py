@@ -21,7 +21,7 @@ from raymarch.sdf.definition import EVERYWHERE, Child, ChildFacts, combination, 
 from raymarch.sdf.domain import Fraction, Positive, Scalar, Vec3, Vector, as_operand
 from raymarch.sdf.evaluation import evaluate_undivided
 from raymarch.sdf.evaluation import lower as lower_field
-from raymarch.sdf.facts import Facts
+from raymarch.sdf.facts import Facts, lattice
 from raymarch.sdf.node import Node, called_by_nodes, method
 from raymarch.sdf.placing import unmoved
 
@@ -301,7 +301,7 @@ def largest_difference(a: Node, b: Node) -> float:
     diagonal = steepest * (float(np.linalg.norm(upper - lower)) or 1.0)
     edge = round(POINTS ** (1.0 / len(lower)))
     steps = [np.linspace(low, high, edge) for low, high in zip(lower, upper, strict=True)]
-    points = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, len(lower))
+    points = lattice(steps)
     try:
         if find([lower_field(node).body for node in (a, b)], "param", "time"):
             return diagonal

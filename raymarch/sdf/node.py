@@ -23,8 +23,7 @@ from raymarch.sdf.same import Same, same
 
 if TYPE_CHECKING:
     from raymarch.expr.function import Function
-    from raymarch.expr.node import Expr
-    from raymarch.sdf import affine, booleans, copies, deform, heights, noise, placing, profiles, queries, repetition
+    from raymarch.sdf import affine, booleans, copies, deform, heights, noise, placing, profiles, repetition
     from raymarch.sdf.definition import Definition
 
     Named = Mapping[str, Any] | None
@@ -193,6 +192,72 @@ class Node(Methods):
         with METHODS["values_bound"](self, time, params):
             return METHODS["evaluate_gradient"](self, points)
 
+    def raycast(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        *,
+        far: float = np.inf,
+        time: float = 0.0,
+        params: Mapping[str, Any] | None = None,
+    ) -> Any:
+        """The first points where rays meet the solid, in float64 on the CPU: `rm.raycast` of this node.
+
+        Parameters
+        ----------
+        origins : (N, 3) or (3,), one point for all rays.
+        directions : (N, 3) or (3,), of any length but 0. A ray that starts in the solid meets the surface where it
+            leaves.
+        far : largest distance, > 0.
+        time : value of `rm.time` in seconds.
+        params : values of parameters by name.
+
+        Returns
+        -------
+        Hits
+            `distance` (N,), inf where nothing was hit; `hit`, `position`, `normal`, `material` and `gap`.
+
+        Raises
+        ------
+        SceneError : arrays of another shape, a direction of length 0, or values that are not finite.
+
+        Examples
+        --------
+        >>> rm.sphere(1).raycast([(0, 0, 5), (0, 3, 5)], (0, 0, -1)).distance
+        array([ 4., inf])
+        """
+        return carried_out_by("raycast")(self, origins, directions, far=far, time=time, params=params)
+
+    def material_at(
+        self, points: ArrayLike, time: float = 0.0, params: Mapping[str, Any] | None = None
+    ) -> NDArray[np.int64]:
+        """The material of the part that decides the field at points, on the surface or anywhere.
+
+        Parameters
+        ----------
+        points : (N, 3), or (3,) for one point.
+        time : value of `rm.time` in seconds.
+        params : values of parameters by name.
+
+        Returns
+        -------
+        NDArray[int64]
+            (N,), or () for one point: indices into `rm.Scene(node).materials`; 0 is the default, of parts without one.
+            In a smooth blend, that of the part with the larger weight.
+
+        Raises
+        ------
+        SceneError : an array of another shape, values that are not finite, or a value of a parameter out of range.
+
+        Examples
+        --------
+        >>> both = rm.sphere(1) | rm.box().translate((3, 0, 0)).material(rm.Material(color="gold"))
+        >>> both.material_at([(0, 0, 1), (3, 0, 1)])
+        array([0, 1])
+        """
+        found: NDArray[np.int64] = carried_out_by("material_at")(self, points, time, params)
+        return found
+
     def glsl(self) -> str:
         """The field alone, as GLSL text: `float field(vec3 p)` and the functions that it calls.
 
@@ -231,7 +296,7 @@ class Node(Methods):
         extrude, revolve = profiles.extrude, profiles.revolve
         repeat, polar = repetition.repeat, copies.polar
         repeat_mirrored, repeat_interval = copies.repeat_mirrored, copies.repeat_interval
-        material, raycast, material_at = placing.material, queries.raycast, queries.material_at
+        material = placing.material
 
 
 T = TypeVar("T")

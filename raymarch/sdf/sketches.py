@@ -16,7 +16,7 @@ from raymarch.expr.convert import holdable, numbers, short, switch
 from raymarch.expr.peers import unknown_attribute
 from raymarch.sdf.domain import NonNegative, Positive, domain_of
 from raymarch.sdf.drawing import Cut, as_arcs, cut_corners, through
-from raymarch.sdf.node import METHODS, Node
+from raymarch.sdf.node import Node
 from raymarch.sdf.outlines import NEAR, Outline, closed_outline, first_meeting, in_table, turn
 
 __all__ = ["sketch"]
@@ -60,7 +60,7 @@ class Sketch:
         return f"<sketch of {len(self.bulges)} pieces, open: .close() makes the flat shape>"
 
     def __getattr__(self, name: str) -> NoReturn:
-        if name in METHODS:
+        if not name.startswith("_") and hasattr(Node, name):
             raise SceneError(f"sketch: .{name} of an open outline", legal=f".close().{name}(...)")
         raise unknown_attribute("a sketch", name, [n for n in dir(type(self)) if not n.startswith("_")])
 

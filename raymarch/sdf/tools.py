@@ -14,6 +14,7 @@ from raymarch.errors import SceneError
 from raymarch.expr.node import const
 from raymarch.sdf.definition import definition_of
 from raymarch.sdf.evaluation import evaluate_distance
+from raymarch.sdf.facts import lattice
 from raymarch.sdf.flat import rectangle
 from raymarch.sdf.node import Node, all_nodes, at_line_of, folded, has_constants, rederived, replaced
 from raymarch.sdf.placement import affine_of
@@ -138,7 +139,7 @@ def _end(tool: Node, low: Array, high: Array, axis: int) -> tuple[Array, Array]:
     for i, (a, b, c, d) in enumerate(zip(low, lower, upper, high, strict=True)):
         further = [end + by * longer for end, by in ((b, a - b), (c, d - c)) if by]
         sides.append(np.zeros(1) if i == axis else np.concatenate([np.linspace(b, c, GRID), *further]))
-    points = np.stack([side.ravel() for side in np.meshgrid(*sides, indexing="ij")], axis=1)
+    points = lattice(sides)
     if ENDS[tool.definition][0] == "height":
         points = points[evaluate_distance(tool, points) <= 0.0]  # at 0, in the middle, the section decides
     beside = np.maximum(np.maximum(lower - points, points - upper), 0.0)

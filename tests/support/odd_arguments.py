@@ -288,6 +288,8 @@ def calls() -> Iterator[Call]:
             yield Call(f"node.{name}", getattr(node, name), own)
     for name in ("distance", "gradient"):
         yield Call(f"node.{name}", getattr(solid, name), {"points": (0.0, 1.0, 2.0)})
+    yield Call("node.material_at", solid.material_at, {"points": (0, 0, 1), "time": 0.5, "params": {}})
+    yield Call("node.raycast", solid.raycast, {"origins": (0, 0, 5), "directions": (0, 0, -1)})
     for name in ("__or__", "__and__", "__sub__", "__xor__"):
         yield Call(f"node.{name}", lambda other, name=name: getattr(solid, name)(other), {"other": rm.sphere()})
     scene = rm.Scene(solid)
