@@ -17,7 +17,7 @@ from raymarch.errors import Location, SceneError, is_users
 from raymarch.expr.convert import short
 from raymarch.expr.node import Expr, Operand, const, elementwise, expr, exprs, make, var
 from raymarch.expr.types import BOOL, FLOAT, STATE, VEC2, VEC3, Type
-from raymarch.expr.walk import free_variables, substitute
+from raymarch.expr.walk import free_variables, rewrite, substitute
 
 T = TypeVar("T")
 
@@ -25,6 +25,9 @@ FloatExpr: TypeAlias = Annotated[Expr, FLOAT]
 Vec2Expr: TypeAlias = Annotated[Expr, VEC2]
 Vec3Expr: TypeAlias = Annotated[Expr, VEC3]
 """Expressions of a type, as annotations of the parameters of a `function`."""
+
+Rule: TypeAlias = Callable[[Expr, tuple[Expr, ...]], Expr]
+"""What replaces an expression, from its new arguments; see `rewrite`."""
 
 _functions: WeakValueDictionary[tuple[Any, ...], Function] = WeakValueDictionary()
 """All functions by content and line, so that unpickling returns the existing object."""
@@ -115,6 +118,17 @@ def unique_function(
     """The existing function of this content and line if there is one, else a new one."""
     found = _functions.get((name, params, body, where))
     return found if found is not None else Function(name, params, body, names, where)
+
+
+def changed_inside(function: Function, rule: Rule, made: dict[Function, Function]) -> Function:
+    """The function with its body rewritten; the same one if that changes nothing. made : the results so far."""
+    if function not in made:
+        body = rewrite([function.body], rule)[function.body]
+        same = body is function.body
+        made[function] = (
+            function if same else Function(function.name, function.params, body, function.names, function.where)
+        )
+    return made[function]
 
 
 def _function(name: str, params: Any, body: Any, names: Any, where: Location | None) -> Function:
@@ -237,8 +251,9 @@ class Loop:
     def inner(self) -> tuple[Expr, ...]:
         return (*self.step, *((self.until,) if self.until is not None else ()))
 
-    def with_inner(self, inner: Sequence[Expr], kept: bool = False) -> Loop:
-        """The loop with other expressions in place of `inner`. kept : it must not be unrolled."""
+    def changed(self, rule: Rule, kept: bool = False) -> Loop:
+        """The loop with its expressions rewritten. kept : it must not be unrolled."""
+        inner = [rewrite([e], rule)[e] for e in self.inner]
         step, until = (inner, None) if self.until is None else (inner[:-1], inner[-1])
         return replace(self, step=tuple(step), until=until, kept=self.kept or kept)
 

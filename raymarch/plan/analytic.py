@@ -101,36 +101,21 @@ def complete(made: Analytic, root: Node, field: Function, lowering: Lowering, ho
         found.append(where(met, max(ends.x, start), FARTHEST))
         if node.where is not None:
             hoist.origins.setdefault(ends, node.where)
-    functions = [Function("solved_hit", (o, d, start), reduce(min, found))]
-    functions.append(_union_field("marched_field", made.marched, root, lowering))
-    if made.marched:
-        functions.append(_union_field("solved_field", made.solved, root, lowering))
+    hit = Function("solved_hit", (o, d, start), reduce(min, found))
+    marched, solved = union_of(made.marched, root), union_of(made.solved, root)
+    if marched is None:
+        rest = Function("marched_field", (var("p", VEC3),), const(FARTHEST))
+        distance = Function("solved_field", field.params, field(*field.params))
     else:
-        functions.append(Function("solved_field", field.params, field(*field.params)))
-    hit, rest, solved_distance = map(hoist, functions)
-    return replace(made, hit=hit, rest=rest, solved_distance=solved_distance)
+        rest = lowering.again().field(marched, "marched_field")
+        assert solved is not None
+        distance = lowering.again().field(solved, "solved_field")
+    return replace(made, hit=hoist(hit), rest=hoist(rest), solved_distance=hoist(distance))
 
 
-def _union_field(name: str, nodes: Sequence[Node], whole: Node, lowering: Lowering) -> Function:
-    """The field of some operands of the whole solid, infinite for none."""
-    if not nodes:
-        return Function(name, (var("p", VEC3),), const(FARTHEST))
-    return lowering.again().field(_united(nodes, whole), name)
-
-
-def _united(nodes: Sequence[Node], whole: Node) -> Node:
-    """The union of some operands of the whole solid."""
-    return nodes[0] if len(nodes) == 1 else united(nodes, nodes[0].facts, whole.where)
-
-
-def marched_root(made: Analytic, whole: Node) -> Node | None:
-    """The union of the marched operands; None if there is none."""
-    return _united(made.marched, whole) if made.marched else None
-
-
-def solved_root(made: Analytic, whole: Node) -> Node:
-    """The union of the operands in closed form."""
-    return _united(made.solved, whole)
+def union_of(nodes: Sequence[Node], whole: Node) -> Node | None:
+    """The union of some operands of the whole solid; None of none."""
+    return united(nodes, nodes[0].facts, whole.where) if len(nodes) > 1 else next(iter(nodes), None)
 
 
 def _operands(root: Node) -> list[Node]:

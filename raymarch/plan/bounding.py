@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 from raymarch.errors import Location
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.derivative import companion, state_gradient
-from raymarch.expr.function import Function, loop
+from raymarch.expr.function import Function, changed_inside, loop
 from raymarch.expr.node import Expr, const, construct, make, swizzle, var
 from raymarch.expr.operations import operations
+from raymarch.expr.partials import zero
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import abs, length, max, min, where
-from raymarch.expr.walk import find, rebuild, rewrite, substitute
+from raymarch.expr.walk import find, rebuild, substitute
 from raymarch.plan.hoisting import Hoisting
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.facts import FARTHEST, Facts
@@ -96,7 +97,7 @@ class BoundedUnion:
 
         state: Sequence[Expr] = values(0)
         if not beside:
-            state = [const(FARTHEST), *(const(np.zeros(value.type.shape)) for value in state[1:])]
+            state = none_of(state)
         for i, bound in enumerate(bounds):
 
             def evaluated(_turn: Expr, *best: Expr, i: int = i) -> Sequence[Expr]:
@@ -117,6 +118,11 @@ def value_and_gradient(field: Function, *args: Expr) -> tuple[Expr, Expr]:
     """The value of a field and its gradient, computed together."""
     both = companion(field)(*args)
     return swizzle(both, "w"), swizzle(both, "xyz")
+
+
+def none_of(values: Sequence[Expr]) -> list[Expr]:
+    """The distance and what is carried of no object, from the values of any."""
+    return [const(FARTHEST), *[zero(value.type) for value in values[1:]]]
 
 
 def nearer(found: Sequence[Expr], best: Sequence[Expr]) -> list[Expr]:
@@ -226,21 +232,14 @@ class BoundedUnions:
 
     def _skippable(self, function: Function) -> Function:
         """The function with loops that are not unrolled, also in the functions that it calls."""
-        made: Function | None = self._kept.get(function)
-        if made is None:
-            body = rewrite([function.body], self._rolled)[function.body]
-            same = body is function.body
-            made = function if same else Function(function.name, function.params, body, function.names, function.where)
-            self._kept[function] = made
-        return made
+        return changed_inside(function, self._rolled, self._kept)
 
     def _rolled(self, node: Expr, args: tuple[Expr, ...]) -> Expr:
         if node.op == "call":
             return make("call", node.type, args, self._skippable(node.data))
         if node.op != "loop" or node.data.is_branch or operations([node]) < ROLLED:
             return rebuild(node, args)
-        inner = [rewrite([e], self._rolled)[e] for e in node.data.inner]
-        return make("loop", node.type, args, node.data.with_inner(inner, kept=True))
+        return make("loop", node.type, args, node.data.changed(self._rolled, kept=True))
 
     def _is_costly(self, body: Expr) -> bool:
         return self.asked is True or operations([body]) >= LEAST

@@ -9,10 +9,10 @@ The function runs with the uniforms of the PREVIOUS frame. Twins of the paramete
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 
 from raymarch.expr.derivative import directional_derivatives
-from raymarch.expr.function import Function, sum_of
+from raymarch.expr.function import Function, changed_inside, sum_of
 from raymarch.expr.node import Expr, const, construct, make
 from raymarch.expr.types import VEC3
 from raymarch.expr.vocabulary import cross, dot, length, where
@@ -50,11 +50,11 @@ def motion_of(
     (p,) = marked.params
     twins = {leaf: _twin(leaf) for leaf in find([marked.body], "param", "time")}
     plain = {twin: leaf for leaf, twin in twins.items()}
-    now = Function("now", (p,), _exchanged(marked.body, twins, {}))
+    now = Function("now", (p,), _exchanged(marked.body, twins))
     motions = []
     for mark in find([now.body], "mark"):
         here = mark.args[1]
-        before = _exchanged(here, plain, {})
+        before = _exchanged(here, plain)
         tracked = (
             here is not before and here.type is VEC3 and free_variables([here]) == [p] and not find([here], "cell")
         )
@@ -89,23 +89,17 @@ def _motion_back(here: Expr, before: Expr, p: Expr) -> Expr:
     return where(flat, STILL, motion / where(flat, 1.0, volume))
 
 
-def _exchanged(body: Expr, leaves: Mapping[Expr, Expr], made: dict[Function, Function]) -> Expr:
+def _exchanged(body: Expr, leaves: Mapping[Expr, Expr]) -> Expr:
     """The expression with its leaves replaced, also inside the functions and loops that it uses."""
-
-    def concerned(inner: Sequence[Expr]) -> bool:
-        return any(leaf in leaves for leaf in find(inner, "param", "time"))
+    made: dict[Function, Function] = {}
 
     def rule(node: Expr, args: tuple[Expr, ...]) -> Expr:
         if node in leaves:
             return leaves[node]
-        if node.op == "call" and concerned([node.data.body]):
-            old: Function = node.data
-            if old not in made:
-                made[old] = Function(old.name, old.params, _exchanged(old.body, leaves, made), old.names, old.where)
-            return make("call", node.type, args, made[old])
-        if node.op == "loop" and concerned(node.data.inner):
-            inner = [_exchanged(e, leaves, made) for e in node.data.inner]
-            return make("loop", node.type, args, node.data.with_inner(inner))
+        if node.op == "call":
+            return make("call", node.type, args, changed_inside(node.data, rule, made))
+        if node.op == "loop":
+            return make("loop", node.type, args, node.data.changed(rule))
         return rebuild(node, args)
 
     return rewrite([body], rule)[body]

@@ -284,8 +284,8 @@ def _advance_of(
 ) -> Function:
     """How far a ray through the marched solids is free, or through those in closed form."""
     if solved:
-        return hoist(Advancing(lowering).function(analytic.solved_root(closed, solid), "solved_advance"))
-    root = analytic.marched_root(closed, solid) if closed.used else solid
+        return hoist(Advancing(lowering).function(analytic.union_of(closed.solved, solid), "solved_advance"))
+    root = analytic.union_of(closed.marched, solid) if closed.used else solid
     return hoist(Advancing(lowering, wholly).function(root, "field_advance"))
 
 
