@@ -13,6 +13,7 @@ import raymarch as rm
 from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.derivative import companion
 from raymarch.expr.operations import operations
+from raymarch.expr.walk import find
 from raymarch.plan import cells, kept_cells, lists, plan
 from raymarch.plan.cells import CUT
 from raymarch.plan.explain import as_dict, show
@@ -220,6 +221,21 @@ def test_forms_of_any_operators():
     assert any(node.children[0].children[0].facts.divisor > 1.0 for node in made if node.children[0].name == "scale")
     near = assert_same(rm.union(*made), points(3000, 3.0))
     assert near.any()
+
+
+@pytest.mark.parametrize(("kinds", "loops"), [(8, 1), (9, 2), (17, 3)])
+def test_forms_beyond_eight_have_loops_of_their_own(kinds, loops):
+    rng = np.random.default_rng(6)
+    ball, made = rm.sphere(0.3), []
+    for i in range(4 * kinds):
+        kind = i % kinds  # a form for each number of balls
+        solid = rm.union(*(ball.translate((0.1 * k, 0.07 * k * k, 0)) for k in range(kind + 1)), k=0.1)
+        made.append(solid.translate(rng.uniform(-3, 3, 3)))
+    node = rm.union(*made)
+    found = located(node)
+    assert len(found.rows.forms) == kinds
+    assert len(find([found.field.body], "loop")) == loops
+    assert assert_same(node, points(2000, 3.0)).any()
 
 
 @pytest.mark.parametrize("copies", [lambda blade: blade.polar(5), lambda blade: blade.repeat(1.2, 2)])
