@@ -276,7 +276,7 @@ BAD_SCENES = {
     "syntax error": ("scene = rm.sphere(", 3, "SyntaxError"),
     "import error": ("import nosuchmodule", 3, "nosuchmodule"),
     "wrong type": ("scene = rm.Scene(3)", 3, "3 (int)"),
-    "scene of a wrong type": ("scene = [1]", 1, "[1]"),
+    "scene of a wrong type": ("scene = [1]", 3, "[1]"),
     "not a number": ("scene = rm.sphere('big')", 3, "'big'"),
     "zero size": ("scene = rm.box((1, 0, 1))", 3, "(1, 0, 1)"),
     "negative size": ("scene = rm.sphere(-1)", 3, "-1"),
