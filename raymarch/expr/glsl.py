@@ -11,7 +11,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import count
+from itertools import count, repeat
 from types import MappingProxyType
 
 from raymarch.errors import SceneError
@@ -195,7 +195,7 @@ def _callees_first(roots: Sequence[Function], trees: dict[Function, Branch] | No
             if trees is not None and tree is not None:
                 trees[definition] = tree
             callees = [call.data for call in direct_calls(roots_of(tree) if tree else (definition.body,))]
-            stack.extend((callee, False) for callee in reversed(callees))
+            stack.extend(zip(reversed(callees), repeat(False)))
     return list(order)
 
 

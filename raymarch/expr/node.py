@@ -283,7 +283,7 @@ def expr(value: Operand) -> Expr:
         return value
     if isinstance(value, bool | float):
         return const(value, FLOAT if type(value) is float else None)
-    if isinstance(value, tuple | list) and any(isinstance(item, Expr) for item in value):
+    if isinstance(value, tuple | list) and Expr in map(type, value):
         return construct(*value)
     if isinstance(value, str):
         return const(CALLED["linear_color"]("the colour", value))

@@ -236,8 +236,7 @@ def components(op: str, type: Type, args: tuple[Expr, ...], data: Any) -> Expr |
         if v.op == "swizzle":
             return swizzle(v.args[0], "".join(v.data["xyzw".index(c)] for c in data))
         if v.op == "construct":
-            parts = _scalars(v)
-            picked = tuple(parts["xyzw".index(c)] for c in data)
+            picked = tuple(map(_scalars(v).__getitem__, map("xyzw".index, data)))
             return picked[0] if len(picked) == 1 else construct(*picked)
     if op == "construct":
         if len(args) == 1:

@@ -190,7 +190,7 @@ def passes_for(outputs: Sequence[Wanted]) -> list[str]:
     if not isinstance(outputs, Iterable) or isinstance(outputs, np.ndarray | np.generic | Expr):
         raise SceneError(f"outputs = {described(outputs)}", legal=", ".join(OUTPUTS))
     names = [outputs] if isinstance(outputs, str) else [name_of(output) for output in outputs]
-    known = TALLIES if names and set(names) <= {*TALLIES} else OUTPUTS
+    known = TALLIES if names and all(name in TALLIES for name in names) else OUTPUTS
     for name in names:
         if not isinstance(name, str) or name not in known:
             raise SceneError(f"outputs: {short(name)}", legal=f"{', '.join(OUTPUTS)}; alone: {', '.join(TALLIES)}")
