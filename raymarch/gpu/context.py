@@ -13,7 +13,7 @@ import os
 import sys
 import threading
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import Any, Self
@@ -24,6 +24,7 @@ from raymarch.errors import DeviceError, user_location
 from raymarch.expr.convert import plain, short
 from raymarch.gpu import current
 from raymarch.gpu.driver_cache import note_opening
+from raymarch.gpu.fences import Fences
 from raymarch.gpu.glfw_windows import CURES, GLFW, GlfwBinding, import_glfw, one_line
 from raymarch.gpu.signals import deferred
 from raymarch.plan.device import DeviceClass, device_class
@@ -55,8 +56,8 @@ class Driver:
 
     @property
     def compiles_opaque_twice(self) -> bool:
-        """True for llvmpipe, which compiles a fragment shader with one opaque output twice: once for blocks of pixels
-        that the triangle covers in part, once for others. A draw with a logical operation is compiled once."""
+        """True for llvmpipe, which compiles a fragment shader with one opaque output twice: for blocks of pixels that
+        the triangle covers in part, and for others. With a logical operation it compiles once."""
         return self.renderer.startswith("llvmpipe")
 
 
@@ -93,7 +94,8 @@ class Releasing:
 
 
 class _Bound:
-    """The block of `Context.bound`. Each draw call enters several, so an inner one costs a lock and no more."""
+    """The block of `Context.bound`. Each draw call enters several, so an inner one costs a lock, and with llvmpipe the
+    fence of what it drew."""
 
     __slots__ = ("_context", "_outermost")
 
@@ -116,11 +118,16 @@ class _Bound:
         return context
 
     def __exit__(self, *error: Any) -> None:
+        context = self._context
         try:
-            if self._outermost is not None:
-                self._outermost.__exit__(*error)
+            if not context.released:
+                context._fences.keep()
         finally:
-            self._context._lock.release()
+            try:
+                if self._outermost is not None:
+                    self._outermost.__exit__(*error)
+            finally:
+                context._lock.release()
 
 
 class Context(Releasing):
@@ -153,7 +160,7 @@ class Context(Releasing):
         self._callers: list[tuple[Any, current.Current]] = []
         self._held = False  # known to be current: inside `bound`, but not inside `lent`
         self._released = False
-        self._finish = _finisher(gl)
+        self._fences = Fences(gl, self.driver.renderer)
         self.kept: dict[str, Any] = {}
         self.unread: weakref.WeakSet[Any] = weakref.WeakSet()
         _CONTEXTS.add(self)
@@ -229,7 +236,7 @@ class Context(Releasing):
     def finish(self) -> None:
         """Wait until the device is idle. Other threads of Python run in the meantime."""
         with self.bound():
-            self._finish()
+            self._fences.finish()
 
     def _bind(self) -> None:
         current.unbind()
@@ -437,17 +444,6 @@ def _kept_note() -> Iterator[None]:
         yield
     finally:
         glfw.make_context_current(noted)
-
-
-def _finisher(gl: moderngl.Context) -> Callable[[], None]:
-    """glFinish by its address, because that of moderngl keeps Python's lock: encoders in other threads would wait for
-    the device, too."""
-    load: Any = getattr(getattr(gl.mglo, "_context", None), "load", None)
-    address = load("glFinish") if load is not None else None
-    if not address:
-        return gl.finish
-    finish: Callable[[], None] = ctypes.CFUNCTYPE(None)(address)
-    return finish
 
 
 def _egl_device(device: int | None) -> int:

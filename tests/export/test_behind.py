@@ -100,7 +100,8 @@ def test_a_film_that_cannot_be_written_says_so(tmp_path: Path) -> None:
 
 def test_the_wait_for_the_device_does_not_keep_pythons_lock(egl: Context) -> None:
     """That of moderngl does, and encoders in other threads would wait."""
-    assert egl._finish != egl.gl.finish and "CFunction" in type(egl._finish).__name__
+    finish = egl._fences._finish
+    assert finish != egl.gl.finish and "CFunction" in type(finish).__name__
     egl.finish()
 
 
