@@ -19,6 +19,7 @@ from raymarch.sdf.flat import rectangle
 from raymarch.sdf.node import Node, all_nodes, at_line_of, folded, has_constants, rederived, replaced
 from raymarch.sdf.placement import affine_of
 from raymarch.sdf.placing import translate
+from raymarch.sdf.prisms import FLUSH, with_prisms
 from raymarch.sdf.profiles import straight_extrusion
 from raymarch.sdf.same import remembered
 from raymarch.sdf.solids import box, cylinder
@@ -27,8 +28,6 @@ Array: TypeAlias = NDArray[np.float64]
 
 GRID = 12
 """Points of an end along each of its axes."""
-FLUSH = 1e-7
-"""How far below a face an end may be that is flush with it, in sizes: less than float32 tells."""
 MEASURED = 16
 """Maximum number of differences of a tree that are measured."""
 
@@ -44,9 +43,11 @@ ENDS = {
 def with_longer_tools(root: Node, reach: float) -> Node:
     """The same solid; tools of hard differences that end flush with a face, or less than `reach` beyond it, go on.
 
-    These are boxes, cylinders, extrusions and rectangles, placed and united, of constant numbers. An end is moved as
-    far as nothing of the solid that is cut lies before it. It is found by points on it. Other tools are left.
+    Tools that go through a prism along its axis are first made parts of it; see `raymarch.sdf.prisms`. The others are
+    boxes, cylinders, extrusions and rectangles, placed and united, of constant numbers. An end is moved as far as
+    nothing of the solid that is cut lies before it. It is found by points on it. Other tools are left.
     """
+    root = with_prisms(root) if reach > 0.0 else root
     cuts = [node for node in all_nodes(root) if _is_hard(node, "difference") and _is_constant(node)]
     chosen = {id(node) for node in cuts[:MEASURED] if _longer(node)[1] < reach}
     if not chosen:

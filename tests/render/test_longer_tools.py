@@ -51,7 +51,7 @@ def light(renderer: rm.Renderer, node: rm.Node, sun: rm.Sun) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("penumbra", "error", "apart"), [("two-sided", 0.02, 0.01), ("cone", 0.2, 0.03), ("triangulated", 0.2, 0.05)]
+    ("penumbra", "error", "apart"), [("two-sided", 0.01, 0.01), ("cone", 0.2, 0.03), ("triangulated", 0.2, 0.05)]
 )
 @pytest.mark.parametrize("softness", [0.05, 0.2])
 def test_a_penumbra_goes_through_a_flush_hole(
@@ -63,17 +63,41 @@ def test_a_penumbra_goes_through_a_flush_hole(
     np.testing.assert_allclose(flush, long, atol=1e-4)
     np.testing.assert_allclose(short, long, atol=1e-4)
     assert np.abs(flush - seen(softness)).mean() < error
-    if softness > 0.1:
-        return  # accelerated steps and those of the reference meet other samples: up to .025 apart for a wide sun
     scene = rm.Scene(PLATE - rm.cylinder(8, 10) | FLOOR, BELOW, [sun])
     truth = rm.truth(scene, (SIZE, SIZE)).color[SIZE // 2]
     np.testing.assert_allclose(renderer.render(scene).color[SIZE // 2], truth, atol=apart)
 
 
+SHIFT = rm.Param("shift", 0.0, -30.0, 30.0)
+PLACED = {
+    "small": (1e-3, lambda plate: plate),
+    "large": (1e3, lambda plate: plate),
+    "turned": (1.0, lambda plate: plate.rotate(0.4, "x").rotate(np.pi / 2, "y").rotate(0.4, "z")),
+    "moved": (1.0, lambda plate: plate.translate((SHIFT, 2 * SHIFT, 3)).translate((-4, -8, -3))),
+}
+"""The size of a scene, and how the plate and the tool are placed. The parameter is 4."""
+
+
+@pytest.mark.parametrize("name", PLACED)
+def test_a_penumbra_goes_through_a_hole_of_any_size_and_place(name: str) -> None:
+    size, placed = PLACED[name]
+    tool = rm.cylinder(8 * size, 11 * size) | rm.box((3 * size, 12 * size, 3 * size))
+    node = placed(rm.box((40 * size, 10 * size, 40 * size))) - placed(tool)
+    floor = rm.plane(offset=-20 * size).material(rm.Material(color=(0.8, 0.8, 0.8), specular=0, ambient=0))
+    camera = BELOW.replace(position=(0, -10 * size, 0), target=(0, -20 * size, 0))
+    with rm.Renderer(size=(SIZE, SIZE)) as own:
+        scenes = [rm.Scene(n, camera, [rm.Sun(SUN, shadow=True, softness=0.2)]) for n in (node | floor, floor)]
+        values = {"shift": 4.0} if name == "moved" else {}
+        found, lit = own.render(scenes[0], params=values).color, own.render(scenes[1]).color
+    assert np.abs((found / lit)[SIZE // 2, :, 0] - seen(0.2)).mean() < 0.01
+
+
 def test_occlusion_goes_through_a_flush_hole(renderer: rm.Renderer) -> None:
     found = []
-    for height in (10, 80):
-        node = PLATE.translate((0, -13, 0)) - rm.cylinder(8, height).translate((0, -13, 0)) | FLOOR
+    drilled = [PLATE - rm.cylinder(8, height) for height in (10, 80)]
+    drilled.append((rm.rectangle((40, 40)) - rm.circle(8)).extrude(10).rotate(np.pi / 2, "x"))
+    for plate in drilled:
+        node = plate.translate((0, -13, 0)) | FLOOR
         sky = rm.Sky((1, 1, 1), light=True)
         scene = rm.Scene(node, BELOW.replace(position=(0, 0, 0)), [], sky, occlusion=rm.AmbientOcclusion(reach=8))
         found += [renderer.render(scene).color, rm.truth(scene, (SIZE, SIZE)).color]
@@ -121,8 +145,8 @@ def test_a_tool_that_ends_in_the_solid_stays(depth: float) -> None:
 
 
 def test_a_tool_that_reaches_far_enough_or_moves_stays() -> None:
-    for height in (13.0, rm.Param("height", 10.0, 8.0, 12.0)):
-        node = PLATE - rm.cylinder(8, height)
+    knobbed = PLATE | rm.sphere(2).translate((15, 5, 0))
+    for node in (knobbed - rm.cylinder(8, 13), PLATE - rm.cylinder(8, rm.Param("height", 10.0, 8.0, 12.0))):
         assert with_longer_tools(node, 1.0) is node
 
 
