@@ -23,6 +23,7 @@ import raymarch as rm
 from raymarch.cost.effects import evaluations_of
 from raymarch.plan import plan
 from raymarch.scene import load
+from raymarch.scene.studio import staged
 from raymarch.shader import assemble
 
 HERE = Path(__file__).parent
@@ -93,7 +94,7 @@ def samples_of(scene: rm.Scene) -> int:
 
 def draw(file: Path, renderer: rm.Renderer) -> None:
     """Render a scene's picture."""
-    scene = load(file)
+    scene = staged(load(file))
     samples = FEW if file in large() else samples_of(scene)
     drawn = scene.replace(quality=scene.quality.replace(samples=samples))
     write(renderer.render(drawn).image(), PICTURES / f"{name_of(file)}.png")
@@ -101,7 +102,7 @@ def draw(file: Path, renderer: rm.Renderer) -> None:
 
 def measure(file: Path, renderer: rm.Renderer) -> dict[str, Any]:
     """The plan of a scene and its cost."""
-    scene = load(file)
+    scene = staged(load(file))
     once = renderer.render(scene.replace(quality=scene.quality.replace(samples=1)), outputs=("evaluations",))
     return {
         "samples": samples_of(scene),

@@ -43,8 +43,11 @@ class Field:
         return self.name if self.argument is None else self.argument
 
 
+GREY = (0.5, 0.5, 0.5)
+"""The colour of a solid to which none is given: under a sun and a lit sky it is not yet white."""
+
 ALL = (
-    Field("color", ("phong", "physical"), (0.8, 0.8, 0.8)),
+    Field("color", ("phong", "physical"), GREY),
     Field("shininess", ("phong",), 32.0, 1e-3, 1e6),
     Field("specular", ("phong",), 0.25),
     Field("ambient", ("phong",), 0.1),

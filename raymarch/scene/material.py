@@ -16,7 +16,7 @@ from raymarch.expr.node import Expr, Operand, expr
 from raymarch.expr.types import vector
 from raymarch.expr.vocabulary import vec3
 from raymarch.expr.walk import free_variables, rebuild, rewrite
-from raymarch.scene.fields import ARGUMENTS, FIELDS, GLOSSY, SMOOTH
+from raymarch.scene.fields import ARGUMENTS, FIELDS, GLOSSY, GREY, SMOOTH
 from raymarch.scene.material_values import ColorOrTexture, FloatOrTexture, check_map_sizes, material_value
 from raymarch.scene.parameter import is_zero
 from raymarch.scene.relief import FLAT, bump_gradient, height_field
@@ -54,7 +54,7 @@ class Material(Value):
 
     Parameters
     ----------
-    color : base colour, linear RGB, each in [0, 1]. Default (0.8, 0.8, 0.8).
+    color : base colour, linear RGB, each in [0, 1]. Default (0.5, 0.5, 0.5).
     shininess : Phong. Exponent of the highlight, > 0: 10 is dull, 100 polished. Default 32.
     specular : Phong. Strength of the highlight, in [0, 1]. Default 0.25.
     ambient : Phong. Fraction of the colour of each light that arrives from all directions, in shadow too, in [0, 1].
@@ -198,7 +198,7 @@ class Material(Value):
         if emission is not None and made["emission"].is_constant and np.max(made["emission"].data) == 255.0:
             what = f"Material: emission = {short(emission)}: the light of 255 white surfaces"
             warn(f"{what} (for a colour from 0 to 255, divide it by 255)")
-        made["color"] = material_value(name, (0.8, 0.8, 0.8) if base is None else base, 3, 0.0, 1.0)
+        made["color"] = material_value(name, GREY if base is None else base, 3, 0.0, 1.0)
         if is_physical and physical["roughness"] is None:  # glass is smooth by default, other materials are not
             made["roughness"] = expr(0.5 if is_zero(made["transmission"]) else 0.0)
         relief = {"normal": normal, "height": raised, "normal_strength": normal_strength, "height_scale": height_scale}

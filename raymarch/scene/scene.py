@@ -19,6 +19,7 @@ from raymarch.expr.node import Expr, const
 from raymarch.expr.walk import find
 from raymarch.scene.ambient_occlusion import AmbientOcclusion
 from raymarch.scene.camera import Camera, Pose, framed_box
+from raymarch.scene.fields import GREY
 from raymarch.scene.fog import Atmosphere
 from raymarch.scene.framing import Framed, frame_of
 from raymarch.scene.light import Light, sample_of
@@ -46,7 +47,7 @@ HORIZON = 1e4
 """Rays in an unbounded scene are traced to this many times its scale. The horizon is then cut far below a pixel."""
 
 
-DEFAULT, PHYSICAL_DEFAULT = Material(), Material(albedo=(0.8, 0.8, 0.8))
+DEFAULT, PHYSICAL_DEFAULT = Material(), Material(albedo=GREY)
 """Materials of nodes without a material. The second is used if all given materials are physical."""
 
 

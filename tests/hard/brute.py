@@ -220,7 +220,7 @@ def around(tree: Tree) -> tuple[Array, float]:
 # Materials
 
 COLOR, SHININESS, SPECULAR, AMBIENT, MIRROR = slice(0, 3), 3, 4, 5, 6
-GREY = {"color": (0.8, 0.8, 0.8)}
+GREY = {"color": (0.5, 0.5, 0.5)}
 
 
 def _values(material: dict[str, Any], p: Array) -> Array:
