@@ -383,7 +383,7 @@ def in_the_shadow_of_a_ball_far_away(seen: Seen) -> Verdict:
     sun = rm.Sun(tuple(towards), shadow=True)
     frame = seen.draw(seen.other(seen.scene.node | ball, lights=(sun,)), ("color", "depth"))
     hit = np.isfinite(frame.depth) & np.isfinite(seen.frame.depth)
-    lit = hit & (np.abs(frame.color - 0.1 * 0.8).max(axis=-1) > 1e-3)
+    lit = hit & (np.abs(frame.color - 0.1 * 0.5).max(axis=-1) > 1e-3)
     return None, None, [f"{lit.sum()} of {hit.sum()} pixels are lit"] if lit.any() else []
 
 

@@ -55,7 +55,7 @@ def test_many_lights_have_points_too():
 def test_a_shadow_that_runs_out_of_steps_is_light():
     whole, short = (drawn(scene(1, analytic=False, **steps)) for steps in ({}, {"shadow_steps": 1}))
     assert np.all(short >= whole - 1e-6)
-    assert ((short - whole).max(axis=-1) > 0.1).sum() > 20, "where the shadow was"
+    assert ((short - whole).max(axis=-1) > 0.1 * 0.5 / 0.8).sum() > 20, "where the shadow was"
 
 
 def test_ranges():

@@ -167,7 +167,7 @@ def test_a_box_seen_through_a_long_lens_is_lit_on_its_outside(renderer: rm.Rende
     for axis in range(3):
         face = frame.normal[..., axis] == 1
         assert face.any()
-        expected = 0.8 * (0.1 + sun[axis])
+        expected = 0.5 * (0.1 + sun[axis])
         highlight = (
             0.25 * max(0.0, float(2 * sun[axis] * direction[axis] - sun @ direction) / np.linalg.norm(direction)) ** 32
         )
@@ -352,7 +352,7 @@ def test_from_inside_a_ball_its_wall_is_seen(renderer: rm.Renderer, way: Any) ->
     sun = unit(np.array([0.5, 1.0, 0.7]))
     lit = np.sum(-normal * sun, axis=-1)  # it is shaded on the side that is seen
     clear = np.abs(lit) > 0.05
-    ambient = 0.8 * 0.1
+    ambient = 0.5 * 0.1
     shade = frame.color[..., 0]
     assert np.all((shade > ambient + 0.02)[clear & (lit > 0)]) and np.all(
         np.abs(shade - ambient)[clear & (lit < 0)] < 1e-6
