@@ -34,7 +34,7 @@ def inside(scene: Path, log: Path) -> int:
 
     viewer = Viewer(scene, (240, 160), log=log, samples=4)
     viewer.renderer.kept = 8  # so that a short run fills what is kept
-    viewer.reloader.start()
+    viewer.reloader.start(viewer.model.state.base, viewer._read)
     gl = ctypes.CDLL("libGL.so.1")
     asks = {kind: getattr(gl, f"glIs{kind}") for kind in KINDS}
     for ask in asks.values():
