@@ -187,7 +187,8 @@ class ResourceCache:
         assert isinstance(march, PingPong)
         counter = self.utility(_COUNT_ACTIVE, "count of rays")
         with self.context.bound():
-            query = self.context.gl.query(samples=True)
+            kept = self.context.kept  # moderngl cannot free a query
+            query = kept["count of rays"] = kept.get("count of rays") or self.context.gl.query(samples=True)
             with query:
                 counter.draw(march.back, {"u_march": (march.front, 0)})
             return int(query.samples)

@@ -10,10 +10,12 @@ from raymarch.gpu.program import FULL_SCREEN
 
 PLAIN = "#version 330 core\nout vec4 c;\nvoid main() { c = vec4(1.0); }\n"
 KINDS = ("Texture", "Framebuffer", "Program", "VertexArray")
+QUERIES = 1000
+"""Names of queries that are asked about: moderngl does not tell the newest."""
 
 
 def alive(context: Context) -> dict[str, int]:
-    """Textures, framebuffers, programs and vertex arrays that were made and not freed, on EGL."""
+    """Textures, framebuffers, programs, vertex arrays and queries that were made and not freed, on EGL."""
     with context.bound():
         return _alive(context)
 
@@ -27,6 +29,8 @@ def _alive(context: Context) -> dict[str, int]:
     for kind, newest in zip(KINDS, made, strict=True):
         is_one = _function(f"glIs{kind}")
         found[kind] = sum(bool(is_one(name)) for name in range(1, newest.glo + 64)) - 1
+    is_query = _function("glIsQuery")
+    found["Query"] = sum(bool(is_query(name)) for name in range(1, QUERIES))
     for each in reversed(made):
         each.release()
     return found
