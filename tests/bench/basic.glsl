@@ -81,5 +81,5 @@ void main() {
     float lit = max(dot(n, SUN), 0.0);
     if (lit > 0.0) lit *= shadow(p + 0.002 * n, SUN);
     float shine = lit > 0.0 ? pow(max(dot(reflect(direction, n), SUN), 0.0), 32.0) : 0.0;
-    color = vec4(0.8 * (0.1 + lit) + 0.25 * shine, 0.8 * (0.1 + lit) + 0.25 * shine, 0.8 * (0.1 + lit) + 0.25 * shine, t);
+    color = vec4(0.5 * (0.1 + lit) + 0.25 * shine, 0.5 * (0.1 + lit) + 0.25 * shine, 0.5 * (0.1 + lit) + 0.25 * shine, t);
 }
