@@ -21,9 +21,9 @@ SIZE = (40, 24)
 
 
 def lit() -> rm.Scene:
-    solid = rm.sphere(0.6).material(rm.Material(color=(0.8, 0.2, 0.1), shininess=8)) | rm.plane(offset=-0.6)
+    ball = rm.sphere(0.6).material(rm.Material(color=(0.8, 0.2, 0.1), shininess=8))
     return rm.Scene(
-        solid,
+        ball | rm.plane(offset=-0.6).material(rm.Material(color=(0.8, 0.8, 0.8))),
         camera=rm.Camera((1, 1.5, 4), (0, 0, 0)),
         lights=[rm.SphereLight((1.5, 2.5, 1), radius=1.2, intensity=5, shadow=True)],
         occlusion=rm.AmbientOcclusion(steps=4, decay=0.5),
