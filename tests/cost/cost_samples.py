@@ -14,10 +14,10 @@ from raymarch.gpu.prepare import prepare
 SIZE = (64, 36)
 
 
-def make_scene() -> rm.Scene:
+def make_scene(color: tuple[float, float, float] = (0.8, 0.8, 0.8)) -> rm.Scene:
     parts = rm.box((1.5, 1, 1)).rotate(0.5), rm.sphere(0.6).translate((0.9, 0.3, 0.4)), rm.plane(offset=-0.6)
-    light = rm.Material(color=(0.8, 0.8, 0.8))
-    solid = rm.union(*parts, k=1e-3).material(light)  # solids in a blend are marched, not hit in closed form
+    solid = rm.union(*parts, k=1e-3)  # solids in a blend are marched, not hit in closed form
+    solid = solid.material(rm.Material(color=color))
     return rm.Scene(solid, camera=rm.Camera(position=(1.5, 1.2, 4), target=(0, 0.5, 0)), lights=[rm.Sun(shadow=True)])
 
 

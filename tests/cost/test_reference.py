@@ -91,7 +91,7 @@ def other_scenes() -> dict[str, rm.Scene]:
             case "node":
                 scene = scene.replace(node=scene.node | rm.sphere(0.1).translate((0, 3, 0)))
             case "material":
-                scene = scene.replace(node=scene.node.material(rm.Material(color=(1, 0, 0))))
+                scene = make_scene((1.0, 0.0, 0.0))
             case "barely":
                 scene = scene.replace(node=scene.node.translate((0, 1e-13, 0)))
         made[name] = scene

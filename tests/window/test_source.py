@@ -193,7 +193,7 @@ def test_a_parameter_is_written_or_refused(name: str, tmp_path: Path) -> None:
 def test_the_camera_materials_and_lights_are_written(tmp_path: Path) -> None:
     text = HEAD + (
         'red = rm.Material(color="tomato",  # as the fruit\n    shininess=20.0)\n'
-        "ball, cube = rm.sphere().material(red), rm.box(1).material(rm.Material((0.5, 0.5, 0.5), 8))\n"
+        "ball, cube = rm.sphere().material(red), rm.box(1).material(rm.Material((0.6, 0.6, 0.6), 8))\n"
         "two = [rm.Material(color=(0.1, 0.2, 0.3)), rm.Material(color=(0.3, 0.2, 0.1))]\n"
         "scene = rm.Scene(ball | cube.translate((2, 0, 0)) | rm.box(1).translate((4, 0, 0)).material(two[0])\n"
         "    | rm.box(1).translate((6, 0, 0)).material(two[1]),\n"
@@ -207,7 +207,7 @@ def test_the_camera_materials_and_lights_are_written(tmp_path: Path) -> None:
     do.edit(model, edits_of(model, materials))
     carried_out(model)
     colors = [tuple(m.color.data) for m in state.base.materials]
-    red, grey, last = (next(i for i, c in enumerate(colors) if c[0] == r) for r in (1.0, 0.5, 0.3))
+    red, grey, last = (next(i for i, c in enumerate(colors) if c[0] == r) for r in (1.0, 0.6, 0.3))
     changed: dict[str, Any] = {
         f"material {red} color": (0.25, 0.5, 0.75),
         f"material {grey} shininess": 9.0,
@@ -219,7 +219,7 @@ def test_the_camera_materials_and_lights_are_written(tmp_path: Path) -> None:
         do.set_param(model, name, value)
     do.move(model, lambda view: replace(view, position=view.position + np.array([0.5, 0, 0]), fov=30.0))
     content, words = written_into(model, file)
-    wanted = text.replace('"tomato"', "(0.25, 0.5, 0.75)").replace("0.5), 8)", "0.5), 9)")
+    wanted = text.replace('"tomato"', "(0.25, 0.5, 0.75)").replace("0.6), 8)", "0.6), 9)")
     wanted = wanted.replace("color=(0.3, 0.2, 0.1)", "color=(0.3, 0.9, 0.1)").replace("intensity=2", "intensity=3.5")
     wanted = wanted.replace("rm.Camera((0, 1, 6)", "rm.Camera((0.5, 1, 6)")
     assert content.decode() == wanted
