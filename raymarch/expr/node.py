@@ -303,7 +303,7 @@ def expr(value: Operand) -> Expr:
 def exprs(operands: Sequence[Operand]) -> tuple[Expr, ...]:
     """Some operands as expressions."""
     if {*map(type, operands)} == {Expr}:
-        return tuple(operands)  # type: ignore[arg-type]
+        return tuple(operands)  # type: ignore[arg-type]  # the set of their types says so
     return tuple(map(expr, operands))
 
 

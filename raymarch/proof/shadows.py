@@ -90,7 +90,7 @@ class Lit:
 
     def __getitem__(self, rows: NDArray[np.int64]) -> Lit:
         own = (self.rays, self.points, self.normals, self.within, self.depth, self.pixels)
-        return Lit(*(each[rows] for each in own), shape=self.shape)  # type: ignore[arg-type, misc]
+        return Lit(*(each[rows] for each in own), shape=self.shape)  # type: ignore[arg-type, misc]  # all fields in order
 
     @classmethod
     def seen(
