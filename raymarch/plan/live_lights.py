@@ -74,10 +74,24 @@ class LightMemory:
         self._known[of] = _Seen(seen.count, known, seen.live, seen.cells)
         while len(self._known) > KNOWN:
             self._known.popitem(last=False)
-        if not seen.live:
-            return None
-        kept = tuple(light for of, light in known.items() if light is not None and of not in own)
-        return LiveLights(kept, seen.cells)
+        return _rows(scene, self._known[of]) if seen.live else None
+
+    def next_rows(self, scene: Scene, of: Hashable = None) -> LiveLights | None:
+        """How the lights of the version that was fitted last would be drawn as rows, as those of a version with
+        another number of them are. None if they are rows already, or there are none.
+
+        of : as for `fit`.
+        """
+        seen = self._known.get(of)
+        written = seen is not None and not seen.live and scene.lights and not lights.as_data(scene)
+        return _rows(scene, seen) if seen is not None and written else None
+
+
+def _rows(scene: Scene, seen: _Seen) -> LiveLights:
+    """Rows for the lights of a scene, and for those that it had."""
+    own = set(map(lights.signature, scene.lights))
+    kept = tuple(light for of, light in seen.lights.items() if light is not None and of not in own)
+    return LiveLights(kept, seen.cells)
 
 
 def _fixed(light: Light) -> Light | None:
