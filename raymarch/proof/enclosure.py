@@ -30,8 +30,9 @@ from raymarch.expr.node import Expr
 from raymarch.expr.types import BOOL
 from raymarch.proof import choices, components, data, vectors
 from raymarch.proof import rounding as r
+from raymarch.proof.loops import repeated
 from raymarch.proof.rounding import Interval
-from raymarch.proof.span import Span, condition, constant, now, spanned, still, without_bounds
+from raymarch.proof.span import Span, condition, constant, spanned, still, without_bounds
 
 RULES: Mapping[str, Rule] = {
     **components.RULES,
@@ -96,23 +97,7 @@ class Enclosures:
         return constant(np.asarray(node.data, np.float64))
 
     def repeat(self, body: Loop, program: Program, first: list[Any], captured: list[Any]) -> tuple[Any, ...]:
-        """As many turns as some stretch may take. A stretch that may have ended keeps both states."""
-        state, alive = first, condition(np.asarray(True), np.asarray(True))
-        n, jumps = len(first), now.jumps
-        now.jumps = None  # the number of turns depends on the stretches, and with it that of operations
-        for turn in range(body.count):
-            after = program(constant(np.asarray(float(turn))), *state, *captured)
-            if body.until is not None:
-                done = after[n]
-                alive = condition(alive.low & ~done.high, alive.high & ~done.low)
-                if not np.any(alive.high):
-                    break
-            state = [
-                choices.selected(v.type, alive, new, old)
-                for v, new, old in zip(body.state, after[:n], state, strict=True)
-            ]
-        now.jumps = jumps
-        return tuple(state)
+        return repeated(body, program, first, captured)
 
 
 ENCLOSURES = Enclosures()

@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 import raymarch as rm
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.evaluate import Program
+from raymarch.expr.function import loop
 from raymarch.expr.node import Expr, var
 from raymarch.expr.types import VEC3
 from raymarch.expr.walk import find
 from raymarch.proof.enclosure import ENCLOSURES
-from raymarch.proof.rays import Rays
-from raymarch.proof.span import Span, jumping, stretches
+from raymarch.proof.parts import Operands
+from raymarch.proof.rays import Rays, Stretch
+from raymarch.proof.span import Span, jumping, still, stretches
+from raymarch.scene.parameter import Values
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
 from tests.support.node_samples import NodeSample, samples
@@ -87,3 +90,44 @@ def test_the_hash_of_one_cell_is_one_number(part: float) -> None:
         body = rm.hash(rm.floor(P + 7.25) + part)
         found: Span = Program([body], [P], ENCLOSURES)(shot.points(np.arange(3), start, end, 0.5 * end))[0]
     assert np.all(found.low == found.high)
+
+
+def test_newtons_method_is_narrow_where_two_roots_coincide() -> None:
+    """At points as near to one place of the curve as to the next one: centres of its curvature, and beside them."""
+    a, b, c = np.array([[0.141, 0.339, -0.392], [-0.174, 0.059, 1.077], [-0.046, 0.017, 0.214]])
+    t, bend = np.linspace(0.02, 0.98, 200)[:, None], 2.0 * (a - 2.0 * b + c)
+    on, way = a + 2.0 * t * (b - a) + 0.5 * t * t * bend, 2.0 * (b - a) + t * bend
+    speed = np.sum(way * way, axis=1, keepdims=True)
+    across = bend - way * (way @ bend)[:, None] / speed
+    centre = on + across * speed / np.sum(across * across, axis=1, keepdims=True)
+    off = 10.0 ** np.random.default_rng(8).uniform(-17.0, -2.0, (4, 200, 1))
+    places = np.concatenate([centre, *(centre + off * [[[1.0]], [[-1.0]], [[1.0]], [[-1.0]]] * across)])
+    tube, zero = rm.bezier_tube(a, b, c, 0.2), np.zeros(len(places))
+    made = Operands(tube, Values({}, 0.0), "camera", whole=False)
+    work = Stretch(np.arange(len(places)), np.zeros(len(places), np.int64), zero, zero)
+    _, (low, high), _ = made.enclose(Rays(places, np.zeros_like(places)), work, zero)
+    value = tube.distance(places)
+    assert np.all((low <= value + 1e-14) & (value <= high + 1e-14))
+    assert np.max(high - low) < 1e-4
+
+
+@pytest.mark.parametrize("limit", [1e-3, 0.3, 9.0])
+def test_loops_of_boxes_hold_the_results_of_all_their_points(limit: float) -> None:
+    """Of boxes that take many numbers of turns, some of them all turns."""
+
+    def body(i: Expr, q: Expr, step: Expr) -> list[Expr]:
+        after = rm.vec2(q.x - (q.x * q.x - q.y) / rm.max(2.0 * q.x, 0.1), q.y + 0.1 * rm.sin(q.x + i))
+        return [after, rm.length(after - q)]
+
+    x = var("x", VEC3)
+    root, last = loop(9, [rm.vec2(x.x, x.y), x.z], body, until=lambda i, q, step: step < limit)
+    result = rm.vec3(root.x, root.y, last)
+    random = np.random.default_rng(9)
+    middle, half = random.uniform(0.2, 3.0, (200, 3)), 10.0 ** random.uniform(-16.0, -0.5, (200, 1))
+    with stretches(np.zeros(200), np.zeros(200)):
+        found: Span = Program([result], [x], ENCLOSURES)(still((middle - half, middle + half)))[0]
+    points = middle + half * random.uniform(-1.0, 1.0, (300, 1, 3))
+    values = evaluator([result], [x])(points.reshape(-1, 3))[0].reshape(points.shape)
+    assert np.all((found.low - 1e-13 <= values) & (values <= found.high + 1e-13))
+    narrow = half[:, 0] < 1e-9
+    assert np.median((found.high - found.low)[narrow] / half[narrow]) < 40.0
