@@ -32,6 +32,9 @@ SPARSE = 8
 FEW = 16384
 """Pictures with at most this number of pixels are marched again in full."""
 
+WHITE = 1.0 + 0.5 / 255.0 * 2.4 / 1.055
+"""Light that is more than half a step of 8 bits above white, by the slope of the curve of sRGB at 1."""
+
 OVEREXPOSED = 0.05
 """Fraction of the picture that may be clipped to white without a doubt: highlights are. No picture of the
 gallery reaches 0.02."""
@@ -104,7 +107,9 @@ def noisy(scene: Scene) -> Doubt | None:
         sampled = [light for light in scene.lights if is_sampled(light, scene)]
         if not sampled or quality.light_samples > 1:
             return None
-        name = type(sampled[0]).__name__ + ("" if has_area(sampled[0]) else "(penumbra='sampled')")
+        light = sampled[0]
+        reason = "penumbra='sampled'" if light.soft and light.penumbra == "sampled" else "visible=True"
+        name = type(light).__name__ + ("" if has_area(light) else f"({reason})")
         cure = "--samples 16, or Quality(light_samples=16)"
         return Doubt("picture", f"{name} is noisy with one random point a pixel", cure)
     if not any(m.transmits for m in scene.materials):
@@ -162,7 +167,7 @@ def too_thin(ready: Prepared, pose: Pose) -> Doubt | None:
 def overexposed(color: NDArray[Any], scene: Scene) -> NDArray[np.bool_] | None:
     """The pixels that tone mapping makes white although their light is above 1; None if they are few."""
     light = np.nan_to_num(color, nan=0.0).min(axis=-1)
-    white: NDArray[np.bool_] = (light > 1.0) & np.all(scene.tone.image(color) == 255, axis=-1)
+    white: NDArray[np.bool_] = (light > WHITE) & np.all(scene.tone.image(color) == 255, axis=-1)
     return white if np.mean(white) > OVEREXPOSED else None
 
 

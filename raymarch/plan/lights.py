@@ -28,13 +28,12 @@ from raymarch.scene.light import (
     SAMPLE,
     Light,
     density_of,
-    has_disc,
     ray_hit_of,
     sample_of,
 )
-from raymarch.scene.parameter import Values
+from raymarch.scene.parameter import LEAST_LENGTH, Values
 from raymarch.scene.scene import Scene
-from raymarch.scene.surfaces import samples_both
+from raymarch.scene.surfaces import has_disc, samples_both
 
 AS_TEXT = 8
 """Up to this many lights are written as code. More become rows of a texture, read in one loop."""
@@ -218,8 +217,13 @@ def visible(scene: Scene) -> list[Light]:
 
 
 def with_discs(scene: Scene) -> Scene:
-    """The scene with `penumbra="sampled"` of all lights of which random points cast the shadow; see `has_disc`."""
-    changed = [x.replace(penumbra="sampled") if has_disc(x, scene.bouncing) else x for x in scene.lights]
+    """The scene with `penumbra="sampled"` of all lights that have a disc; see `has_disc`. Those without a shadow have a
+    shadow that no surface is near enough to receive."""
+    sampled = {"penumbra": "sampled"}
+    none = {**sampled, "shadow": True, "shadow_radius": LEAST_LENGTH}
+    discs = [has_disc(x, scene.materials, scene.bouncing) for x in scene.lights]
+    given = [sampled if x.shadow else none for x in scene.lights]
+    changed = [x.replace(**to) if disc else x for x, to, disc in zip(scene.lights, given, discs, strict=True)]
     return scene if tuple(changed) == scene.lights else scene.replace(lights=changed)
 
 
@@ -249,7 +253,7 @@ def splittable(scene: Scene) -> int:
 
 def samples_of(scene: Scene, light: Light) -> int:
     """The number of samples of a light for each ray."""
-    several = table(scene).forms[key(light)].area or has_disc(light, scene.bouncing)
+    several = table(scene).forms[key(light)].area or has_disc(light, scene.materials, scene.bouncing)
     return scene.quality.light_samples * (1 + samples_both(light, scene.materials, scene.bouncing)) if several else 1
 
 

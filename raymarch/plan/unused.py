@@ -16,12 +16,13 @@ from raymarch.expr.node import Expr
 from raymarch.plan.shading import dims_ambient_light
 from raymarch.scene.fields import SMOOTH
 from raymarch.scene.fog import Fog
-from raymarch.scene.light import Light, has_area, has_disc
+from raymarch.scene.light import Light, has_area
 from raymarch.scene.light_kinds import PointLight, SphereLight, Sun
 from raymarch.scene.material import Material
 from raymarch.scene.medium import Medium
 from raymarch.scene.parameter import is_zero
 from raymarch.scene.scene import Scene
+from raymarch.scene.surfaces import has_disc
 from raymarch.sdf.labels import flattened, seen_labels
 from raymarch.sdf.node import Node
 
@@ -35,8 +36,14 @@ def _bounces(scene: Scene) -> Iterator[Doubt]:
     smooth = any(m.transmits or m.mirrors for m in scene.materials)
     if scene.quality.integrator == "whitted":
         if not smooth:
-            cure = "Material(metalness=1, roughness=0), or transmission=1"
-            yield _doubt("Quality(integrator='whitted') has no effect: no material is smooth", cure)
+            what, cure = (
+                "Quality(integrator='whitted') has no effect",
+                "Material(metalness=1, roughness=0), or transmission=1",
+            )
+            if scene.bounces:  # with which paths bounce
+                what = f"Scene(bounces={scene.bounces}) has no effect with integrator='whitted'"
+                cure = f"integrator='path', {cure}"
+            yield _doubt(f"{what}: no material is smooth", cure)
         elif not scene.bounces:
             yield _doubt(
                 "Quality(integrator='whitted') has no effect with bounces = 0", "Scene(bounces=1) to 4, or None"
@@ -205,7 +212,7 @@ def _doubt(what: str, cure: str = "", of: Material | Light | object = None) -> D
 
 def is_sampled(light: Light, scene: Scene) -> bool:
     """True if random points of a light give its light or its shadow."""
-    return has_area(light) or has_disc(light, scene.bouncing)
+    return has_area(light) or has_disc(light, scene.materials, scene.bouncing)
 
 
 def _constant(value: Expr) -> float | None:

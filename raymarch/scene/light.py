@@ -372,11 +372,6 @@ def density_of(
     return _dimmed(DirectionSample(*map(expr, met)), dimming), expr(pdf)
 
 
-def has_disc(light: Light, bounces: bool) -> bool:
-    """True if random points of a disc cast its shadow: where rays bounce, of visible lights, as mirrors show them."""
-    return light.soft and (light.penumbra == "sampled" or (bounces and light.visible))
-
-
 def ray_hit_of(light: Light, values: Mapping[str, Expr]) -> RayHit | None:
     """The `eval_ray` of a visible light at `POINT` and `DIRECTION`; None for a light that is not visible.
 

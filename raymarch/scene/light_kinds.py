@@ -228,7 +228,9 @@ class SphereLight(PointLight):
     intensity : brightness at distance 1 from the centre, >= 0.
     shadow, penumbra, range, shadow_radius, attenuation : see `PointLight`.
     visible : whether camera rays, mirrors and refraction show the sphere, with a radiance of intensity / radius^2. It
-        needs no node, and casts no shadow. In scenes with bounces, its shadow is sampled, whatever its `penumbra`.
+        needs no node, and casts no shadow. In scenes with bounces, its shadow is sampled, whatever its `penumbra`; and
+        so is its light without a shadow, where a material is smoother than a roughness of 0.4: mirrors show it then
+        through solids.
 
     Raises
     ------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 
 from raymarch.errors import SceneError
 from raymarch.expr.function import sum_of
@@ -17,8 +18,9 @@ from raymarch.expr.vocabulary import (
 from raymarch.scene.bsdf import BSDF, Microfacets, Phong, Values, instance_of
 from raymarch.scene.fields import GLOSSY
 from raymarch.scene.layers import Blend, Coated
-from raymarch.scene.light import Light, density_of, has_area, has_disc
+from raymarch.scene.light import Light, density_of, has_area
 from raymarch.scene.material import Material
+from raymarch.scene.parameter import is_zero
 from raymarch.scene.quality import Quality
 from raymarch.scene.reflectance import (
     LEAST_COSINE,
@@ -57,6 +59,15 @@ def _narrow(bsdf: BSDF, values: Values, normal: Expr, view: Expr) -> list[tuple[
     return [(alpha, share / count) for alpha, share in zip(alphas, used, strict=True)]
 
 
+def has_disc(light: Light, materials: Sequence[Material], bounces: bool) -> bool:
+    """True if light comes from random points of a disc: with a sampled shadow, and where rays bounce from visible
+    lights, as mirrors show them; without a shadow only if a material is glossy."""
+    if light.shadow:
+        return light.soft and (light.penumbra == "sampled" or (bounces and light.visible))
+    round_ = not is_zero(light.softness) and any(field.name == "shadow_radius" for field in fields(light))
+    return bounces and light.visible and round_ and any(material.glossy for material in materials)
+
+
 def samples_both(light: Light, materials: Sequence[Material], bounces: bool = False) -> bool:
     """True if surfaces sample their lobes beside the points of a light, because a lobe may be narrower than the light.
 
@@ -65,7 +76,7 @@ def samples_both(light: Light, materials: Sequence[Material], bounces: bool = Fa
     if not any(material.glossy for material in materials):
         return False
     area = has_area(light)
-    disc = has_disc(light, bounces)
+    disc = has_disc(light, materials, bounces)
     return disc != area and (disc or density_of(light) is not None)
 
 

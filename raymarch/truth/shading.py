@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.scene.light import Dimming, Light, has_disc, power_heuristic
+from raymarch.scene.light import Dimming, Light, power_heuristic
 from raymarch.scene.light_kinds import PointLight, SphereLight
 from raymarch.scene.parameter import Values
 from raymarch.scene.relief import shading_normal
 from raymarch.scene.scene import Scene
 from raymarch.scene.sky import harmonics_at
-from raymarch.scene.surfaces import bsdf_of, samples_both
+from raymarch.scene.surfaces import bsdf_of, has_disc, samples_both
 from raymarch.truth.bsdf import Reflection, values_of
 from raymarch.truth.field import Field
 from raymarch.truth.fog import fogged
@@ -257,7 +257,7 @@ class Surface:
 
     def _has_disc(self, light: Light) -> bool:
         """True if random points of a light's disc cast its shadow."""
-        return has_disc(light, self.scene.bouncing)
+        return has_disc(light, self.scene.materials, self.scene.bouncing)
 
     def _reflected(
         self, light: Light, incident: Incoming, width: Array | None = None, part: Array | float = 1.0

@@ -242,6 +242,15 @@ def test_highlights_may_be_white_but_no_twentieth_of_the_picture():
         assert (vouch.overexposed(light, scene) is None) == few
         white = (light > 1).all(-1)
         assert (vouch.clipped(white, light, np.zeros((10, 100), int), scene) is None) == few
+    assert vouch.overexposed(np.full((10, 100, 3), 1.004), scene) is None  # that is white in 8 bits: nothing is lost
+
+
+@pytest.mark.parametrize(("given", "reason"), [({"visible": True}, "visible"), ({"penumbra": "sampled"}, "penumbra")])
+def test_noise_names_what_was_written(given, reason):
+    lamp = rm.SphereLight((0, 2, 0), shadow=True, **given)
+    mirror = rm.sphere().material(rm.Material(albedo=(1, 1, 1), metalness=1, roughness=0))
+    scene = rm.Scene(mirror, lights=[lamp], quality=rm.Quality(integrator="whitted"))
+    assert f"SphereLight({reason}=" in str(vouch.noisy(scene))
 
 
 def test_a_floor_that_is_clipped_to_white(context):

@@ -31,6 +31,10 @@ CASES: dict[str, tuple[rm.Scene, rm.Scene]] = {
         scene(CHALK, quality=WHITTED),
         scene(MIRROR, quality=WHITTED),
     ),
+    "Scene(bounces=2) has no effect with integrator='whitted': no material is smooth": (
+        scene(CHALK, quality=WHITTED, bounces=2),
+        scene(CHALK, bounces=2),
+    ),
     "no effect with bounces = 0": (scene(MIRROR, quality=WHITTED, bounces=0), scene(MIRROR, quality=WHITTED)),
     "a mirror shows nothing but lights": (scene(MIRROR, sky=GREY), scene(MIRROR, sky=LIT)),
     "draws rough glass clear": (

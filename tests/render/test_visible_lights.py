@@ -36,7 +36,7 @@ def scene(light: rm.Light, camera: rm.Camera, node: Any = None, **more: Any) -> 
     return rm.Scene(rm.plane().material(WHITE) if node is None else node, camera, [light], sky=BLACK, **more)
 
 
-@pytest.mark.parametrize("light", [BALL, BALL.replace(penumbra="sampled"), PLATE])
+@pytest.mark.parametrize("light", [BALL, BALL.replace(penumbra="sampled"), BALL.replace(shadow=False), PLATE])
 @pytest.mark.parametrize("bounces", [0, 1])
 def test_a_light_that_is_shown_lights_as_if_it_were_not(renderer: rm.Renderer, light: rm.Light, bounces: int) -> None:
     seen = scene(light, towards((0, 0.7, 2.5), (0, 0, 0)), bounces=bounces, quality=rm.Quality(samples=16))
@@ -56,9 +56,11 @@ def test_a_light_that_is_shown_lights_as_if_it_were_not(renderer: rm.Renderer, l
 @pytest.mark.parametrize(
     ("light", "radiance"), [(BALL, 2 / 0.3**2), (PLATE.replace(direction=(0, 0, 1), up=(0, 1, 0)), math.pi / 0.6**2)]
 )
+@pytest.mark.parametrize("shadow", [True, False])
 def test_camera_mirrors_and_refraction_show_the_radiance_of_a_light(
-    renderer: rm.Renderer, light: rm.Light, radiance: float
+    renderer: rm.Renderer, light: rm.Light, radiance: float, shadow: bool
 ) -> None:
+    light = light.replace(shadow=shadow)
     direct = renderer.render(scene(light, towards((0, 1.5, 3), (0, 1.5, 0))))
     np.testing.assert_allclose(direct.color, radiance, rtol=1e-5)
     wall = rm.box((4, 4, 0.1)).translate((0, 1.5, 4)).material(MIRROR)  # behind the camera
@@ -76,8 +78,8 @@ def test_truth_shows_lights(renderer: rm.Renderer, integrator: str) -> None:
     node = rm.plane().material(WHITE) | rm.sphere(0.4).translate((0.6, 0.5, 1)).material(
         rm.Material(transmission=1.0, ior=1.3)
     )
-    quality = rm.Quality(integrator=integrator)
     whitted = integrator == "whitted"
+    quality = rm.Quality(integrator=integrator, light_samples=64 if whitted else 1)
     seen = scene(BALL.replace(shadow=False), wide, node if whitted else None, quality=quality, bounces=2 * whitted)
     drawn, known = renderer.render(seen).color, rm.truth(seen, (N, N)).color
     assert known.max() > 20
