@@ -54,7 +54,7 @@ SECTIONS = {
     "Unions, intersections, differences": ("booleans", "joints"),
     "Place, size and material": ("placing", "affine", "visibility"),
     "Copies": ("repetition", "copies", "cells", "instancing"),
-    "Deformations": ("offsets", "deform", "noise"),
+    "Deformations": ("offsets", "deform", "noise", "warps"),
 }
 """The sections of the page, and the modules of `raymarch.sdf` whose nodes they show."""
 
@@ -115,6 +115,7 @@ SPECIMENS: dict[str, Callable[[], Node]] = {
     "varied_cells": lambda: rm.repeat_varied(tile, (0.6, None, 0.6), (4, 1, 4)),
     "oriented": lambda: rm.box((0.4, 1.6, 0.4)).orient((1, 1, 0.5)),
     "sheared": lambda: brick().shear(0.6),
+    "warped": lambda: rm.box((2.2, 0.7, 0.9)).warp(lambda p: rm.vec3(0.0, 0.35 * rm.sin(3.0 * p.x), 0.0)),
     "wrapped": lambda: rm.box((0.3, 0.6, 0.2)).repeat((0.5, None, None), 12).wrap_around(-3, 3),
     "transition_between": lambda: rm.box((1.0, 2.2, 1.0)).transition(rm.cylinder(0.35, 2.2), (0, -0.8, 0), (0, 0.8, 0)),
     "noisy": lambda: rm.sphere().displace_by_noise(0.15, 3.0, 4),

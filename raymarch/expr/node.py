@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache, partial
 from os.path import abspath, dirname, sep
 from types import FrameType
-from typing import Any, TypeAlias, TypeVar, overload
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, overload
 from weakref import ref
 
 import numpy as np
@@ -170,7 +170,18 @@ class Expr:
     x, y, z, w = _Components("x"), _Components("y"), _Components("z"), _Components("w")
     xy, yz, xz = _Components("xy"), _Components("yz"), _Components("xz")
     yx, zx, zy = _Components("yx"), _Components("zx"), _Components("zy")
-    xyz = _Components("xyz")
+    xyz, yzx, zxy = _Components("xyz"), _Components("yzx"), _Components("zxy")
+    xzy, yxz, zyx = _Components("xzy"), _Components("yxz"), _Components("zyx")
+    OPERAND = False
+
+    if not TYPE_CHECKING:  # so that type checkers find wrong names
+
+        def __getattr__(self, name: str) -> Expr:
+            """Up to four components, repeated or not, as in GLSL: `p.xxy`, `color.rgb`."""
+            for known in ("xyzw", "rgba"):
+                if 0 < len(name) <= 4 and set(name) <= set(known):
+                    return swizzle(self, name.translate(str.maketrans(known, "xyzw")))
+            raise AttributeError(f"'Expr' object has no attribute {name!r}", name=name, obj=self)
 
     @property
     def is_constant(self) -> bool:

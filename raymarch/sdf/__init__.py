@@ -44,6 +44,7 @@ from raymarch.sdf.sampled import *
 from raymarch.sdf.sketches import *
 from raymarch.sdf.solids import *
 from raymarch.sdf.visibility import visible
+from raymarch.sdf.warps import warp
 
 if not TYPE_CHECKING:  # type checkers know the public names by the imports of all names
     _modules = [module for path, module in sys.modules.items() if path.startswith("raymarch.sdf.")]

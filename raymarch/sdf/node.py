@@ -23,7 +23,7 @@ from raymarch.sdf.same import Same, same
 
 if TYPE_CHECKING:
     from raymarch.expr.function import Function
-    from raymarch.sdf import affine, booleans, copies, deform, heights, noise, placing, profiles, repetition
+    from raymarch.sdf import affine, booleans, copies, deform, heights, noise, placing, profiles, repetition, warps
     from raymarch.sdf.definition import Definition
 
     Named = Mapping[str, Any] | None
@@ -292,7 +292,7 @@ class Node(Methods):
         orient, shear, wrap_around = placing.orient, deform.shear, deform.wrap_around
         twist, bend, taper, displace = deform.twist, deform.bend, deform.taper, deform.displace
         displace_by, displace_by_noise = noise.displace_by, noise.displace_by_noise
-        displace_by_image, extrude_to = heights.displace_by_image, profiles.extrude_to
+        displace_by_image, extrude_to, warp = heights.displace_by_image, profiles.extrude_to, warps.warp
         extrude, revolve = profiles.extrude, profiles.revolve
         repeat, polar = repetition.repeat, copies.polar
         repeat_mirrored, repeat_interval = copies.repeat_mirrored, copies.repeat_interval

@@ -13,27 +13,18 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from raymarch.errors import SceneError
-from raymarch.expr.convert import called, short
-from raymarch.expr.derivative import companion
-from raymarch.expr.evaluate import Program
-from raymarch.expr.function import Function, Vec3Expr, function, sum_of, trace
+from raymarch.expr.function import Function, Vec3Expr, function, sum_of
 from raymarch.expr.hashing import hash
-from raymarch.expr.intervals import INTERVALS, interval_of
 from raymarch.expr.lattice import (
-    WORLEY,
-    gradient_lattice,
-    gradient_lattice_in_time,
     lattice_noise,
-    lattice_noise_in_time,
 )
 from raymarch.expr.node import Expr, Operand, expr
 from raymarch.expr.octaves import fbm, gradient_noise, ridged, turbulence, value_noise, worley
-from raymarch.expr.types import FLOAT, VEC3
+from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import clamp, max, sin
-from raymarch.expr.walk import find
 from raymarch.sdf.definition import Child, operator
-from raymarch.sdf.domain import Domain, NonNegative, Scalar, as_operand
+from raymarch.sdf.domain import Domain, NonNegative, Scalar
+from raymarch.sdf.limits import held, limits, refuse_jumps, traced
 from raymarch.sdf.node import Node, method, solid
 from raymarch.sdf.values import with_bound
 
@@ -158,85 +149,24 @@ def displace_by(
     possible (sines). Else they hold over the solid's box grown by the displacement, which needs a bounded solid. A
     function with steps (floor, mod, where) needs `lipschitz` as a number; `rm.value_noise` and `rm.noise` do not.
     """
-    if not callable(function):
-        raise SceneError(f"displace_by: function = {short(function)}", legal="a function of a point")
     solid("displace_by", node)
-    made = function if isinstance(function, Function) else _traced(function)
+    made = traced("displace_by", function, FLOAT)
     if amplitude is None or lipschitz is None:
         made, amplitude, lipschitz = _measured(node, made, amplitude, lipschitz)
     return displaced(node, made, amplitude, lipschitz)
-
-
-def _traced(source: Callable[[Any], Any]) -> Function:
-    def of_point(p: Expr) -> Any:
-        legal = "a function from a point to a number"
-        given = called("displace_by: function", source, p, legal=legal)
-        return as_operand("displace_by: the function gives", given, legal)
-
-    code = getattr(source, "__code__", of_point.__code__)
-    made = trace(getattr(source, "__name__", "displacement").strip("<>"), of_point, [("p", VEC3)], code)
-    if made.type is not FLOAT:
-        raise SceneError(f"displace_by: function gives a {made.type}", legal="a number", where=made.where)
-    return made
-
-
-# What can be derived of a function
-
-LIMITED = (lattice_noise, lattice_noise_in_time, gradient_lattice, gradient_lattice_in_time, *WORLEY.values())
-"""Functions whose slopes are known, whatever operations they have."""
-
-JUMPS = ("sign", "floor", "ceil", "round", "fract", "mod", "step", "where", "loop", "hash", "raw")
-"""Operations that may be discontinuous, or whose slopes intervals cannot bound."""
-
-
-LARGEST = 2.0**23
-"""A field divided by more than this has no precision left in float32."""
 
 
 def _measured(
     node: Node, function: Function, amplitude: Scalar | None, lipschitz: Scalar | None
 ) -> tuple[Function, Scalar, Scalar]:
     """The function with its amplitude and slope. If they hold only in a box, the function is constant outside of it."""
-    jumps = find([function.body], *JUMPS, outside=LIMITED)
-    if lipschitz is None and jumps:
-        what = f"displace_by: the function uses '{jumps[0].op}', so its Lipschitz constant cannot be derived"
+    if lipschitz is None:
         legal = "lipschitz = the most by which it changes a unit of length; that of rm.value_noise(p) is known"
-        raise SceneError(what, legal=legal)
+        refuse_jumps("displace_by", function, legal)
 
     def over(lower: Any, upper: Any) -> tuple[Any, Any]:
-        size, slope = _steepest(function, lower, upper)
+        values, slopes = map(np.abs, limits(function, lower, upper))
+        size, slope = float(values.max()), float(np.linalg.norm(slopes.max(axis=-1), axis=-1).max())
         return size if amplitude is None else amplitude, slope if lipschitz is None else lipschitz
 
-    def finite(pair: tuple[Any, Any]) -> bool:
-        return all(isinstance(value, Expr) or value < most for value, most in zip(pair, (np.inf, LARGEST), strict=True))
-
-    everywhere = np.full(3, np.inf)
-    if finite(found := over(-everywhere, everywhere)):
-        return function, *found
-    if not node.facts.bounded:
-        what = f"displace_by: {node.name} is unbounded, so the function has no limit over it"
-        raise SceneError(what, legal="a bounded solid, as `node & box(...)`; or amplitude and lipschitz as numbers")
-    lower, upper = node.bounds
-    for margin in (1.0, 2.0, 4.0):
-        reach = node.facts.undivided_spread * margin * float(interval_of(expr(over(*node.bounds)[0]))[1])
-        lower, upper = node.bounds[0] - reach, node.bounds[1] + reach
-        found = over(lower, upper)
-        if finite(found) and node.facts.undivided_spread * float(interval_of(expr(found[0]))[1]) <= reach:
-            return _held_outside(function, lower, upper), *found
-    what = f"displace_by: amplitude and slope of the function over {node.name} have no limit"
-    raise SceneError(what, legal="amplitude and lipschitz as numbers")
-
-
-def _steepest(function: Function, lower: Any, upper: Any) -> tuple[float, float]:
-    """The largest size and slope of a function over a box, by intervals; infinite if unknown."""
-    whole = companion(function)
-    with np.errstate(all="ignore"):
-        ((low, high),) = Program([whole.body], whole.params, INTERVALS)((lower, upper))
-    largest = np.maximum(np.abs(low), np.abs(high))
-    largest = np.where(np.isnan(largest), np.inf, largest)
-    return float(largest[3]), float(np.linalg.norm(largest[:3]))
-
-
-def _held_outside(function: Function, lower: Any, upper: Any) -> Function:
-    """The function evaluated at the nearest point of a box."""
-    return trace(f"{function.name}_held", lambda p: function(clamp(p, lower, upper)), [("p", VEC3)])
+    return held("displace_by", node, function, over, node.facts.undivided_spread)

@@ -328,3 +328,17 @@ def test_swizzles_repeat_and_reorder() -> None:
     e = swizzle(var("r", VEC4), "wyyx")
     assert evaluator([e], [var("r", VEC4)])(np.arange(4.0))[0].tolist() == [3, 1, 1, 0]
     assert swizzle(e, "zx") is swizzle(var("r", VEC4), "yw")
+
+
+def test_components_have_the_names_of_glsl() -> None:
+    four = var("c", VEC4)
+    for name in ("yzx", "xxy", "zz", "xyzx"):
+        assert getattr(P, name) is swizzle(P, name)
+    assert four.rgb is four.xyz
+    assert four.a is four.w
+    (slope,) = evaluator([v.dot(P.xxy, P.zyx)], (P,))(np.array([[2.0, 3.0, 5.0]]))
+    assert slope == 2 * 5 + 2 * 3 + 3 * 2
+    with pytest.raises(SceneError, match="no component 'w'"):
+        _ = P.w
+    for name in ("rgx", "xyzxy", "lenght"):
+        assert not hasattr(P, name)

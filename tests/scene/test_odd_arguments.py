@@ -31,7 +31,7 @@ def test_one_odd_argument_is_legal_or_refused(name: str) -> None:
     assert not wrong, "\n".join(wrong)
 
 
-TRACED = {"displace_by", "node.displace_by", "repeat_varied"}
+TRACED = {"displace_by", "node.displace_by", "warp", "node.warp", "repeat_varied"}
 """Each call traces the user's function anew, and gives another node."""
 
 

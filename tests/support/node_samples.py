@@ -27,7 +27,7 @@ from raymarch.expr.arrays import evaluator
 from raymarch.expr.derivative import companion
 from raymarch.expr.function import Function
 from raymarch.expr.types import FLOAT
-from raymarch.expr.vocabulary import cos, dot, sin
+from raymarch.expr.vocabulary import cos, dot, sin, vec3
 from raymarch.scene.material import Material
 from raymarch.scene.parameter import time
 from raymarch.sdf import (
@@ -56,6 +56,7 @@ from raymarch.sdf.evaluation import field_of
 from raymarch.sdf.implicit import implicit, implicit_solid
 from raymarch.sdf.node import METHODS
 from raymarch.sdf.noise import displaced, lattice_noise
+from raymarch.sdf.warps import warp, warped
 
 PACKAGE = Path(raymarch.sdf.__file__).parent
 POINTS = 100_000
@@ -344,6 +345,12 @@ SPECIAL: dict[str, dict[str, Callable[[], Node]]] = {
         "noise of a user": lambda: displace_by(
             _kind["stretched"](), lambda p: 0.05 * lattice_noise(4.0 * p), 0.05, 0.2 * math.pi
         ),
+    },
+    "warped": {
+        "waves": lambda: warped(_kind["ball aside"]()),
+        "of a user": lambda: warp(_kind["slanted"](), lambda p: 0.06 * sin(5.0 * p.zxy)),
+        "in a box": lambda: warp(_kind["brick"](), lambda p: vec3(0.0, 0.3 * p.x * p.x, 0.2 * p.x * p.y)),
+        "without end": lambda: warp(plane(), lambda p: 0.05 * cos(6.0 * p.yxx)),
     },
     "wrapped": {
         "slab": lambda: wrap_around(box((6.0, 1.0, 0.4))),

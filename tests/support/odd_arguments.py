@@ -186,6 +186,7 @@ NEEDED: dict[str, dict[str, Any]] = {
     "mesh": {"source": "none.stl"},
     "displace_by_image": {"source": HEIGHTS},
     "displace_by": {"function": lambda p: 0.1 * p.x, "amplitude": 0.1, "lipschitz": 1.0},
+    "warp": {"function": lambda p: 0.1 * p.zyx, "amplitude": 0.1, "lipschitz": 1.1},
     "glsl_node": {"code": "float level(vec3 p) { return p.y; }", "name": "level"},
     "fold_fractal": {"fold": lambda z, growth, p: (2.0 * z - p, 2.0 * growth)},
     "repeat_varied": {"build": lambda cell: rm.sphere(0.3), "spacing": 1.0},
