@@ -15,15 +15,21 @@ class DeviceClass:
 
     name : "software" or "hardware". reason : what they have in common.
     branches : True if functions that choose between costly values find the choice first, then evaluate one value.
+    arrays : True if an array with a computed index is as fast as other variables: else it is kept in memory.
     """
 
     name: str
     reason: str
     branches: bool
+    arrays: bool
 
 
-SOFTWARE: Final = DeviceClass("software", "the CPU draws, and executes both sides of a branch", branches=False)
-HARDWARE: Final = DeviceClass("hardware", "a GPU skips the side of a branch that is not taken", branches=True)
+SOFTWARE: Final = DeviceClass(
+    "software", "the CPU draws, and executes both sides of a branch", branches=False, arrays=True
+)
+HARDWARE: Final = DeviceClass(
+    "hardware", "a GPU skips the side of a branch that is not taken", branches=True, arrays=False
+)
 
 CLASSES: Final = {each.name: each for each in (SOFTWARE, HARDWARE)}
 

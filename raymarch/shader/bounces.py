@@ -1,8 +1,9 @@
 """Generated code of light that bounces: one random path per sample, or Whitted's tree of rays without randomness.
 
 The tree is the bounded one of Huang, Chen and Cheng, "Signed Distance Field in Real-time Rendering" (2020), section 11:
-GLSL has no recursion, so rays wait in an array (a stack) until they are traced. The newest is traced first, so at most
-one ray waits for each surface on the current path. Without glass there is a single chain from mirror to mirror.
+GLSL has no recursion, so reflected rays wait until refracted ones are traced. The newest is traced first, so at most
+one ray waits for each surface on the current path: in an array (a stack), or, where devices keep such arrays in slow
+memory, as one bit, from which its path is followed again. Without glass there is a single chain from mirror to mirror.
 """
 
 from __future__ import annotations
@@ -78,9 +79,9 @@ def tree(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> Non
         values.functions.append(fresnel_dielectric)
     bounce, ray, travelled = ("at.bounce", "at.ray", "at.travelled") if glass else ("bounce", "ray", "travelled")
     none = constant(const(np.zeros(reflection.per_lobe.shape)))
-    rough = [f"surface.material.{name}" for name in plan.bsdf.rough if scene.lights and plan.model != "phong"]
+    rough = [f"lit.material.{name}" for name in plan.bsdf.rough if scene.lights and plan.model != "phong"]
     widened = [f"        if ({bounce} > 0) {name} = max({name}, {2.0 * SMOOTH});" for name in rough]
-    shows = bool(visible(scene))
+    shows, stack = bool(visible(scene)), plan.device.arrays
     begin_shade(text, plan, values, bounces=True)
     text.template(
         "whitted",
@@ -90,18 +91,18 @@ def tree(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> Non
             "LIGHTS": bool(scene.lights),
             "EMITS": plan.emission is not None,
             "SHOWS": shows,
+            "STACK": stack,
         },
         bounces=scene.bounces,
         sky=scene.sky.lighting_function(None).name,
-        branches=scene.bounces + 1,
-        rays=2 ** (scene.bounces + 1) - 1,
+        turns=2 ** (scene.bounces + 1) - 1 if stack else (scene.bounces + 1) * 2**scene.bounces,
+        traced_now="i > 0" if stack else "at.bounce >= known",
+        fresh="" if stack else "!again && ",
         surface=surface_interaction_call(plan, ray, travelled),
         visible="\n".join(visible_side(plan, ray, "        ")),
         material=material_arguments(plan),
         lobes=reflection.per_lobe,
         camera=", true" * shows,
-        reflected=", at.side < 0.0" * shows,
-        refracted=", true" * shows,
         traced=f"{bounce} < {scene.bounces} ? {reflection.traced()} : {none}" if mirrors else none,
         mirrored=reflection.mirrored() if mirrors else "",
         regularized="\n".join(widened),

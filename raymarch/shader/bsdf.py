@@ -64,9 +64,9 @@ class Reflection:
     def _prepared(self, name: str) -> Callable[[Mapping[str, Expr]], Expr]:
         return lambda symbols: self.bsdf.prepare(*self._at(symbols))[name]
 
-    def light(self, visibility: str) -> str:
-        """Reflected radiance of `light`."""
-        return self._call("reflect_light", {"light": (LIGHT, "light"), "visibility": (FLOAT, visibility)}, self._light)
+    def light(self, visibility: str, light: str = "light") -> str:
+        """Reflected radiance of a light, which is the variable of a name."""
+        return self._call("reflect_light", {"light": (LIGHT, light), "visibility": (FLOAT, visibility)}, self._light)
 
     def _light(self, symbols: Mapping[str, Expr]) -> Expr:
         values, normal, _ = self._at(symbols)

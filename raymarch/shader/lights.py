@@ -10,6 +10,7 @@ from raymarch.expr.function import Function
 from raymarch.expr.node import Expr
 from raymarch.expr.pieces import literal
 from raymarch.plan import Plan, lights
+from raymarch.plan.shading import ambient_sky
 from raymarch.scene.light import (
     DIRECTION,
     DIRECTION_SAMPLE,
@@ -53,11 +54,38 @@ def all_lights(text: Lines, plan: Plan, values: Values, reflection: Reflection) 
         _loop(text, plan, reflection)
         return
     for i, light in enumerate(plan.scene.lights):
-        _light(text, i, light, values, plan, reflection)
+        by, where = type(light).__name__, light.where
+        if _before_others(plan):
+            name = f"light_{i}" if len(plan.scene.lights) > 1 else "light"
+            text.add(f"    color += {reflection.light(f'visibility_{i}', name)};", by=by, where=where)
+        else:
+            _light(text, i, light, values, plan, reflection)
 
 
-def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan, reflection: Reflection) -> None:
-    """The lines of one light, with its values as literals where constant."""
+def all_shadows(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> None:
+    """Trace the shadows of all sources, for `all_lights` to read: nothing where each light traces its own.
+
+    What the light of the sky and of the sources have in common is thus computed after all marches. Otherwise compilers
+    keep it in registers during the marches.
+    """
+    for i, light in enumerate(plan.scene.lights if _before_others(plan) else ()):
+        _light(text, i, light, values, plan, reflection, apart=True)
+
+
+def _before_others(plan: Plan) -> bool:
+    """True if shadows are traced before other light is computed: those of lights that have a sample and a text each."""
+    scene = plan.scene
+    one = all(lights.samples_of(scene, light) == 1 for light in scene.lights)
+    traced = any(lights.shadow_of(light) is not None for light in scene.lights)
+    shares = len(scene.lights) > 1 or ambient_sky(scene)
+    return one and traced and shares and not (plan.lights_as_data or plan.lights_split)
+
+
+def _light(
+    text: Lines, i: int, light: Light, values: Values, plan: Plan, reflection: Reflection, apart: bool = False
+) -> None:
+    """The lines of one light, with its values as literals where constant. apart : without the sum, which later reads
+    the light and its visibility."""
     scene, by, where = plan.scene, type(light).__name__, light.where
 
     def value(name: str, of: Expr) -> str:
@@ -83,7 +111,13 @@ def _light(text: Lines, i: int, light: Light, values: Values, plan: Plan, reflec
         name=f"_{i}",
         count=len(scene.lights),
     )
-    lines = _Estimator(plan, reflection, group).lines()
+    made = _Estimator(plan, reflection, group)
+    if apart:
+        lines, visibility = made.before()
+        lines += [f"float visibility_{i} = {visibility};"]
+        lines += [f"Light light_{i} = light;"] * (len(scene.lights) > 1)
+    else:
+        lines = made.lines()
     if plan.lights_split and lights.samples_of(scene, light) == 1:
         lines = [f"if (first <= {before} && end > {before}) {{", *(f"    {line}" for line in lines), "}"]
     if i == 0:
@@ -133,8 +167,17 @@ class _Estimator:
     group: _Group
 
     def lines(self) -> list[str]:
-        """First the lights with an area of which several points are added, then what the others have in common."""
-        group, found, rest = self.group, [], []
+        """All lines."""
+        found, visibility = self.before()
+        return found if visibility is None else [*found, f"color += {self.reflection.light(visibility)};"]
+
+    def before(self) -> tuple[list[str], str | None]:
+        """The lines but for the last, and the visibility of the light that the last line adds; None for no such line.
+
+        First the lights with an area of which several points are added, then what the others have in common.
+        """
+        found: list[str] = []
+        group, rest = self.group, []
         for condition, form, values, of in group.forms:
             if form.area and lights.samples_of(self.plan.scene, of[0]) > 1:
                 shown = "1.0"
@@ -148,10 +191,11 @@ class _Estimator:
         for k, (condition, sample) in enumerate(rest):
             condition = condition if k < len(rest) - 1 else ""  # the last is what no other is
             found.append("else " * (k > 0) + _if([condition], f"light = {sample};"))
-        return found + (self._rest() if rest else [])
+        lines, visibility = self._rest() if rest else ([], None)
+        return found + lines, visibility
 
-    def _rest(self) -> list[str]:
-        """The lines after the samples: the horizon, the discs, the shadows, and the sum."""
+    def _rest(self) -> tuple[list[str], str | None]:
+        """The lines after the samples: the horizon, the discs and the shadows, and the visibility of what is added."""
         group, width, part = self.group, self.group.width, ""
         found, visibility, several = [*group.skip], "1.0", False
         if any(which for _, which, _ in group.kinds):
@@ -185,7 +229,7 @@ class _Estimator:
         if part:
             factor = visibility if visibility.isidentifier() else f"({visibility})"
             visibility = part if visibility == "1.0" else f"{part} * {factor}"
-        return found + ([] if several else [f"color += {self.reflection.light(visibility)};"])
+        return found, None if several else visibility
 
     def _shadow(self, kind: str, width: str) -> str:
         """The call that traces a shadow."""

@@ -14,7 +14,7 @@ from raymarch.shader.bsdf import Reflection
 from raymarch.shader.chunk import Chunk, Lines, Mapped, Values
 from raymarch.shader.fog import begin_shade, end_shade, sky_functions
 from raymarch.shader.kinds import as_occlusion
-from raymarch.shader.lights import all_lights
+from raymarch.shader.lights import all_lights, all_shadows
 from raymarch.shader.surface import material_arguments, surface_interaction_call, visible_side
 
 
@@ -47,6 +47,7 @@ def shading(plan: Plan, values: Values) -> Chunk:
         text.add("    vec3 color = vec3(0.0);")
     if needs_surface:
         reflection = Reflection(plan, values)
+        all_shadows(text, plan, values, reflection)
         _ambient(text, plan, values, reflection)
         if scene.lights:
             all_lights(text, plan, values, reflection)
@@ -165,6 +166,7 @@ def _lit(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> Non
     text.add(
         f"    vec3 color = {f'emission_at({material_arguments(plan)})' if plan.emission is not None else 'vec3(0.0)'};"
     )
+    all_shadows(text, plan, values, reflection)
     _ambient(text, plan, values, reflection)
     if dielectric:
         kept = f" + transmission * emission_at({material_arguments(plan)})" if plan.emission is not None else ""

@@ -1,4 +1,4 @@
-"""What a GPU's compiler makes of the shaders of ten examples: limits, so that none becomes worse unnoticed."""
+"""What a GPU's compiler makes of the shaders of some examples: limits, so that none becomes worse unnoticed."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ LIMITS = {
     "papers/smoothing": (10, 12.0),  # 12 with steps of values alone in soft shadows, at 3 times the evaluations
     "village": (8, 47.0),
     "papers/glass": (10, 17.5),
+    "papers/ray_tree": (8, 19.0),
     "large/forest": (16, 13.0),
     "large/molecule": (16, 11.0),
 }

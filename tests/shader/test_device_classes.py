@@ -29,15 +29,29 @@ SOLID = rm.union(
     rm.icosahedron(0.4).translate((0, 1, -1)).twist(1.5),
 )
 SCENE = rm.Scene(SOLID, lights=[rm.Sun(shadow=True)])
+CLEAR = rm.Material(transmission=1, ior=1.5)
+FILM = rm.Material(albedo=(0.2, 0.5, 0.2), roughness=0.05, transmission=0.5, ior=1.3, emission=(0.1, 0, 0))
+GLASS = rm.Scene(
+    rm.union(
+        rm.sphere(0.7).translate((-0.6, 0, 0)).material(CLEAR),
+        rm.box((0.9, 0.9, 0.9)).rotate(0.6, "y").translate((0.8, 0, 0)).material(FILM),
+        rm.plane(offset=-0.8).material(rm.Material(color=checks, roughness=0.03)),
+    ),
+    lights=[rm.SphereLight((0, 2, -1), radius=0.3, visible=True), rm.Sun(shadow=True)],
+    sky=rm.GradientSky(light=True),
+    bounces=4,
+    quality=rm.Quality(integrator="whitted"),
+)
 
 
-def test_pictures_of_both_classes_are_the_same_on_a_software_driver(monkeypatch):
+@pytest.mark.parametrize("scene", [SCENE, GLASS], ids=["union", "tree of rays"])
+def test_pictures_of_both_classes_are_the_same_on_a_software_driver(scene, monkeypatch):
     drawn = []
     for name in ("software", "hardware"):
         monkeypatch.setenv(FORCED, name)
         with rm.Renderer((64, 36)) as renderer:
-            frame = renderer.render(SCENE, outputs=("color", "normal", "material"))
-            assert renderer.prepared(SCENE).plan.device.name == name
+            frame = renderer.render(scene, outputs=("color", "normal", "material"))
+            assert renderer.prepared(scene).plan.device.name == name
             drawn.append((frame.color, frame.normal, frame.material))
     for one, other in zip(*drawn, strict=True):
         assert np.array_equal(one, other)
@@ -68,6 +82,11 @@ def test_functions_of_the_march_have_no_branches(village):
     tree = branched(made.material)
     assert tree is not None and len(list(leaves(tree))) == 5
     assert not any(find([leaf.values[0]], "stop_gradient") for leaf in leaves(tree))
+
+
+def test_no_ray_of_a_tree_waits_in_an_array_on_hardware():
+    texts = {device: prepare(GLASS, device=device).texts["color"] for device in (SOFTWARE, HARDWARE)}
+    assert "Branch waiting[4]" in texts[SOFTWARE] and "Branch waiting" not in texts[HARDWARE]
 
 
 def part_at(ready):

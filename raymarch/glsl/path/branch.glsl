@@ -1,4 +1,4 @@
-// A ray of a Whitted ray tree that is yet to be traced. GLSL has no recursion; such rays wait in an array.
+// A ray of a Whitted ray tree.
 struct Branch {
     Ray ray;
     float start;  // distance along the ray at which to begin
