@@ -9,6 +9,7 @@ import numpy as np
 
 from raymarch.expr.function import Loop
 from raymarch.expr.types import BOOL, Type
+from raymarch.expr.walk import topological
 from raymarch.proof import rounding as r
 from raymarch.proof.choices import selected
 from raymarch.proof.rounding import Array, Interval
@@ -60,7 +61,9 @@ def _by_parts(body: Loop, turn: Turn, index: Span, state: list[Span], captured: 
     """
     n = len(now.before)
     wide = [_rows(value.range, v.type, n) for value, v in zip(state, body.state, strict=True)]
-    parts = [(k, part) for k, (a, b) in enumerate(wide) for part in np.ndindex(a.shape[1:]) if not np.all(a == b)]
+    needed = set(topological(body.step))  # others serve the exit condition alone
+    unsure = [k for k, v in enumerate(body.state) if v in needed and not np.all(wide[k][0] == wide[k][1])]
+    parts = [(k, part) for k in unsure for part in np.ndindex(body.state[k].type.shape)]
     if not parts:
         return turn(index, *state, *captured)
     blocks = len(parts) + 1

@@ -1,7 +1,7 @@
 """Proofs of pictures.
 
 python -m tests.lab.proofs [SCENE.py ...]     # the examples, or some scenes
-python -m tests.lab.proofs --nodes            # every sample of every node
+python -m tests.lab.proofs --nodes            # every sample of every node; --skip 200 goes on behind the first ones
 python -m tests.lab.proofs --trees 2000       # random solids; --seed N begins elsewhere, --estimates tries those too,
                                               # --skip 1000 goes on behind the first ones
 python -m tests.lab.proofs --whole SCENE.py   # the covered part of each pixel against 1,089 samples; --set horizon=1
@@ -131,7 +131,10 @@ class Tally:
 
 def nodes(given: argparse.Namespace) -> None:
     tally = Tally(given)
-    for sample in samples():
+    for done, sample in enumerate(samples()[given.skip :], given.skip):
+        if done % 50 == 0:
+            print(f"{done} samples:", end=" ")
+            tally.show()
         node = sample.build()
         tally.judge(sample.id, scene_of(node.extrude(0.5) if node.dimension == 2 else node, 0))
     tally.show()
@@ -180,7 +183,7 @@ def main() -> None:
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE")
     parser.add_argument("--trees", type=int, metavar="COUNT")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--skip", type=int, default=0, help="random solids that are not judged, as they were before")
+    parser.add_argument("--skip", type=int, default=0, help="samples or random solids, not judged again")
     parser.add_argument("--estimates", action="store_true", help="random solids whose field is an estimate, too")
     parser.add_argument("--effort", type=int, help="evaluations for a ray; 500 for random solids")
     parser.add_argument("--faults", action="store_true")
