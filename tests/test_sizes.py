@@ -19,9 +19,7 @@ FUNCTIONS = {
 }
 """Lines of functions that are longer, without docstrings. They may only shrink."""
 
-LONG_FILES = {
-    "raymarch/gpu/renderer.py": 592,
-}
+LONG_FILES: dict[str, int] = {}
 """Lines of files that are longer. They may only shrink."""
 
 

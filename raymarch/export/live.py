@@ -12,7 +12,7 @@ from PIL.Image import Image
 from raymarch.errors import PlanError, UnknownNameError
 from raymarch.files import install
 from raymarch.gpu import frame
-from raymarch.gpu.renderer import render
+from raymarch.gpu.still import render
 from raymarch.scene.parameter import Values
 from raymarch.scene.scene import Scene, in_notebook
 

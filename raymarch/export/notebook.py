@@ -10,7 +10,7 @@ from raymarch.export.live import Live
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import integer, short
 from raymarch.gpu import frame
-from raymarch.gpu.renderer import render
+from raymarch.gpu.still import render
 from raymarch.scene.parameter import set_values
 from raymarch.scene.scene import Scene, check_scene, in_notebook, scene_of
 from raymarch.scene.studio import staged

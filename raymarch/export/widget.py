@@ -14,7 +14,7 @@ from raymarch.errors import SceneError
 from raymarch.export.live import Live
 from raymarch.export.text.html import text_of
 from raymarch.gpu.frame import png
-from raymarch.gpu.renderer import render
+from raymarch.gpu.still import render
 from raymarch.scene.parameter import Value, set_values
 
 VIEWS = ("picture", "depth", "evaluations", "normals")

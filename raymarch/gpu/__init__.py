@@ -2,6 +2,7 @@
 
 from raymarch.gpu.context import open_context
 from raymarch.gpu.frame import Frame
-from raymarch.gpu.renderer import Renderer, render
+from raymarch.gpu.renderer import Renderer
+from raymarch.gpu.still import render
 
 __all__ = ["Frame", "Renderer", "open_context", "render"]

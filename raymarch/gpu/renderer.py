@@ -10,7 +10,6 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from raymarch.errors import DeviceError, Doubt, RenderError, warn_of_doubts
 from raymarch.expr.arrays import bound
@@ -29,23 +28,17 @@ from raymarch.gpu.part import Picture, PicturePart
 from raymarch.gpu.prepare import Prepared, Wanted, frame_uniforms, name_of, refuse_lacking
 from raymarch.gpu.prepared_scenes import PreparedScenes
 from raymarch.gpu.program import Program, in_pass
-from raymarch.gpu.progress import told
 from raymarch.gpu.resource_cache import ResourceCache
 from raymarch.gpu.tiles import WHOLE, Edge, draw_in_tiles
 from raymarch.gpu.unread import Unread, unread_of
 from raymarch.scene.camera import Pose
-from raymarch.scene.fog import Fog
 from raymarch.scene.parameter import ParamValue, Values, set_values
-from raymarch.scene.post import PostEffect
-from raymarch.scene.quality import MOST_SAMPLES, SINGLE_PASS, Quality
+from raymarch.scene.quality import MOST_SAMPLES, SINGLE_PASS
 from raymarch.scene.scene import Scene, as_scene
-from raymarch.scene.sky import Sky
-from raymarch.scene.studio import staged
+from raymarch.scene.silhouette import silhouette
 from raymarch.sdf.node import Node
 
 Progress = Callable[[float], None]
-
-BLACK = Sky((0, 0, 0))
 
 
 class Renderer:
@@ -245,9 +238,9 @@ class Renderer:
             return render_for("color", scene, "alpha")[0]["color"].array("color")
 
         def transparency() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-            covered = color_of(_silhouette(scene, samples))[..., 0]
+            covered = color_of(silhouette(scene, samples))[..., 0]
             if scene.post:  # the light of the sky is spread over the picture
-                return covered, color_of(_silhouette(scene, samples, 0.0, scene.sky, scene.post))
+                return covered, color_of(silhouette(scene, samples, 0.0, scene.sky, scene.post))
             return covered, (1.0 - np.clip(covered, 0.0, 1.0))[..., None] * picture.sky(size)
 
         frame = Frame(
@@ -276,26 +269,10 @@ class Renderer:
         """See `Frame.doubts`."""
         pose = frame.pose
         assert pose is not None
-        pixels = frame.size[0] * frame.size[1]
-        lost, above = frame._count_odd()
-        found: list[Doubt | None] = [*frame.warnings, *vouch.contradicted(scene, values)]
-        found.append(vouch.not_finite(lost, pixels))
-        found += vouch.moved_otherwise(scene, values)
-        found += [vouch.noisy(scene), vouch.inside(ready, values, pose), *ready.plan.without_effect]
-        found += [vouch.coarse(ready, pose, frame.size[1]), vouch.too_thin(ready, pose)]
-        white = vouch.overexposed(frame.color, scene) if above > vouch.OVEREXPOSED * pixels else None
-        if white is not None:
-            found.append(vouch.clipped(white, frame.color, frame.material, scene))
-        found.append(vouch.dark(frame.color, scene))
         known = None if steps is False else frame.drawn("done")
         if steps and known is None:
             known = self._sparse(scene, values, pose)
-        if known is not None:
-            found.append(vouch.out_of_steps(known.array("done"), scene))
-        missed = vouch.is_sky(frame.color, scene, pose, values) and not np.any(np.isfinite(frame.depth))
-        if missed or (vouch.may_be_ground(frame.color, scene) and vouch.is_ground(frame.material, scene)):
-            found.append(vouch.nothing_visible(scene, values))
-        return [doubt for doubt in found if doubt is not None]
+        return vouch.doubts_of(frame, scene, ready, values, None if known is None else known.array("done"))
 
     def _sparse(self, scene: Scene, values: Values, pose: Pose) -> Unread:
         """The geometry arrays of a sparse, even subset of the picture's rays, with the pixel footprint of the
@@ -499,19 +476,6 @@ class Renderer:
         self.close()
 
 
-def _silhouette(
-    scene: Scene, samples: int, surface: float = 1.0, sky: Sky = BLACK, post: tuple[PostEffect, ...] = ()
-) -> Scene:
-    """The scene with white surfaces under a black sky. Its colour is the fraction of a pixel that surfaces cover.
-
-    samples : of which the picture is the mean. surface : level of grey of the surfaces. sky, post : in place of the
-        black sky and of no post effect.
-    """
-    quality = replace(scene.quality, samples=samples, temporal="off", steps_per_pass=None, lights_per_pass=None)
-    fog = Fog((surface,) * 3, 1e30)  # it covers surfaces, not the sky
-    return scene.replace(lights=[], sky=sky, fog=fog, bounces=0, occlusion=None, quality=quality, post=post)
-
-
 def _named(drawing: Drawing) -> Iterator[DrawCall]:
     """The draw calls; a device error while one is made names the passes."""
     names = tuple(chosen.name for chosen in drawing.ready.plan.passes)
@@ -526,67 +490,3 @@ def _named(drawing: Drawing) -> Iterator[DrawCall]:
 
 def _part(progress: Progress, i: int, n: int) -> Progress:
     return lambda share: progress(min((i + share) / n, 1.0))
-
-
-@checked
-def render(
-    scene: Scene | Node,
-    size: tuple[int, int] = (640, 360),
-    time: float = 0.0,
-    params: Mapping[str, ParamValue] | None = None,
-    backend: str = "auto",
-    strict: bool = False,
-    alpha: bool = False,
-    samples: int | None = None,
-    quality: Quality | None = None,
-) -> Image.Image:
-    """Render a picture of a scene, or of a solid, as 8-bit sRGB; with `alpha`, as RGBA with a transparent sky.
-
-    A solid alone is shown in a studio: on a ground, under a soft sun and a lit sky, in clay if no part of it has a
-    material, with 4 rays per pixel. A solid without end is cut by a cube, with a SceneWarning, if a camera sees it from
-    inside only. `studio` makes that scene. `Renderer.render`, `truth` and `raymarch cost` show a solid without it.
-
-    For many frames use one `Renderer`, which compiles once. Each of `Frame.doubts` is emitted as a RenderWarning, also
-    too many rays that run out of steps.
-
-    Parameters
-    ----------
-    scene : a Scene, or a solid.
-    size : (width, height) in pixels.
-    time : value of `rm.time` in seconds.
-    params : values of parameters by name.
-    backend : see `Renderer`.
-    strict : doubts raise RenderError.
-    alpha : make the sky transparent.
-    samples : rays per pixel, 1 or more, against aliasing and noise; 16 smooth the edges. None is that of the quality.
-    quality : replaces the scene's; see `Quality.preset`.
-
-    Returns
-    -------
-    PIL.Image.Image
-        Of mode RGB, or RGBA with `alpha`.
-
-    Raises
-    ------
-    SceneError : arguments of another kind or outside their range.
-    DeviceError : no OpenGL, or a size that the driver cannot draw.
-    RenderError : the picture may be wrong, with `strict`.
-
-    Examples
-    --------
-    >>> rm.render(rm.sphere(1), size=(64, 36)).size
-    (64, 36)
-    """
-    scene = staged(as_scene("render", scene))
-    if quality is not None:
-        scene = scene.replace(quality=quality)
-    if samples is not None:
-        scene = scene.replace(quality=scene.quality.replace(samples=samples))
-    with Renderer(size, backend, strict=strict) as renderer:
-        with told() as progress:
-            frame = renderer.render(scene, time, params, progress=progress)
-        if not strict:
-            warn_of_doubts(doubt for doubt in frame.doubts(steps=True) if doubt not in frame.warnings)
-        image = frame.image(alpha)
-        del frame  # so that closing reads no arrays
-        return image

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import Doubt
 from raymarch.expr.arrays import bound
+from raymarch.gpu.frame import Frame
 from raymarch.gpu.prepare import Prepared
 from raymarch.plan.objects import misread
 from raymarch.plan.unused import is_sampled
@@ -41,6 +42,29 @@ gallery reaches 0.02."""
 
 STATED = 32
 """Number of nodes with facts of the user that are sampled."""
+
+
+def doubts_of(
+    frame: Frame, scene: Scene, ready: Prepared, values: Values, arrived: NDArray[np.bool_] | None
+) -> list[Doubt]:
+    """All doubts of a frame. arrived : whether each ray, or each of a sparse set, came to an end; None if not known."""
+    assert frame.pose is not None
+    pose, pixels = frame.pose, frame.size[0] * frame.size[1]
+    lost, above = frame._count_odd()
+    found: list[Doubt | None] = [*frame.warnings, *contradicted(scene, values), not_finite(lost, pixels)]
+    found += moved_otherwise(scene, values)
+    found += [noisy(scene), inside(ready, values, pose), *ready.plan.without_effect]
+    found += [coarse(ready, pose, frame.size[1]), too_thin(ready, pose)]
+    white = overexposed(frame.color, scene) if above > OVEREXPOSED * pixels else None
+    if white is not None:
+        found.append(clipped(white, frame.color, frame.material, scene))
+    found.append(dark(frame.color, scene))
+    if arrived is not None:
+        found.append(out_of_steps(arrived, scene))
+    missed = is_sky(frame.color, scene, pose, values) and not np.any(np.isfinite(frame.depth))
+    if missed or (may_be_ground(frame.color, scene) and is_ground(frame.material, scene)):
+        found.append(nothing_visible(scene, values))
+    return [doubt for doubt in found if doubt is not None]
 
 
 def sparse_size(size: tuple[int, int]) -> tuple[int, int]:
