@@ -181,7 +181,7 @@ def _figures(scene: Scene, renderer: Any, time: float, params: Any) -> dict[str,
     data = sum(samples.nbytes for samples in shader.samples.values())
     cells = sum(level.size(size)[0] * level.size(size)[1] for level in planned.marching.schedule.levels)
     scene_passes = [p for p in planned.passes if p.often != "level" and p.effect is None]
-    textures = sum(p.textures * (2 if p.history else 1) for p in scene_passes)
+    targets = {p.pair if p.history else p.name: p.textures * (2 if p.history else 1) for p in scene_passes}
     values = set_values(planned.parameters, params, time)
     effects = [p for p in planned.passes if p.effect is not None]
     for effect in (p.effect for p in effects if p.effect is not None):
@@ -189,7 +189,7 @@ def _figures(scene: Scene, renderer: Any, time: float, params: Any) -> dict[str,
     return {
         "color": color,
         "evaluations": evaluations_of(scene, renderer, time, params),
-        "texture_bytes": data + TEXEL * (cells + textures * size[0] * size[1]),
+        "texture_bytes": data + TEXEL * (cells + sum(targets.values()) * size[0] * size[1]),
         "shader_bytes": len(shader.text().encode()) + sum(len(assemble_effect(p).text().encode()) for p in effects),
     }
 

@@ -35,6 +35,7 @@ class Turn:
 
     uniforms : of this turn. size : of the target; None for that of the picture. target : its name; "" for the pass's.
     before : all uniforms of the last picture, if the scene changed since. kept : use what was drawn earlier.
+    still : whether the picture is the one that the history shows.
     rows : the first row that is drawn, and the one after the last; None for all. A pass with a history reads the
         earlier one until its last row is drawn.
     light_turns : the largest number of lights of a surface; None if it is that of the frame.
@@ -47,6 +48,12 @@ class Turn:
     kept: bool = False
     rows: tuple[int, int] | None = None
     light_turns: int | None = None
+    still: bool = False
+
+    def draws(self, chosen: Pass) -> bool:
+        """Whether a pass is drawn; see `Pass.when`."""
+        when = {"": True, "changed": self.before is not None, "still": self.still, "moving": not self.still}
+        return not self.kept and when[chosen.when]
 
 
 class Drawing:
@@ -206,21 +213,21 @@ class Drawing:
 
     def pair_of(self, chosen: Pass) -> str:
         """The name of the pair of targets of a pass with a history."""
-        return f"{self.history.name}{chosen.name} history"
+        return f"{self.history.name}{chosen.pair}"
 
     def _drawn(self, chosen: Pass, turn: Turn) -> Iterator[DrawCall]:
         """The draw call of a pass in a turn, if there is one. Later passes then read what it writes."""
         size = turn.size or self.size
         pair = self.resources.pair(self.pair_of(chosen), size, chosen.textures) if chosen.history else None
         target = pair.back if pair else self.resources.target(turn.target or chosen.name, size, chosen.textures)
-        if not (turn.kept or (chosen.changed and turn.before is None)):
+        if turn.draws(chosen):
             program, compiling = self.resources.program(self.ready, chosen.name)
             uniforms = {
                 **self.inputs.uniforms,
                 **self.read_by(chosen),
                 **(CENTRE if chosen.sharp else {}),
                 **turn.uniforms,
-                **((turn.before or {}) if chosen.changed else {}),
+                **((turn.before or {}) if chosen.when == "changed" else {}),
                 **({name: (pair.front, i) for i, name in enumerate(chosen.history)} if pair else {}),
                 **self.ready.constants.get(chosen.name, {}),
             }
@@ -231,7 +238,8 @@ class Drawing:
         written = pair.front if pair else target
         if turn.kept and chosen.outputs:
             self.kept[chosen.name] = (chosen, written)
-        self.carried |= {name: (written, i) for i, name in enumerate(chosen.writes)}
+        wrote = {name: (written, i) for i, name in enumerate(chosen.writes)}
+        self.carried |= wrote if turn.kept or turn.draws(chosen) else {**wrote, **self.carried}
 
 
 INTERLACED = "interlaced"
@@ -303,15 +311,14 @@ def _samples(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator
             "u_jitter": r2(index) if index == number or rests else halton(index % PERIOD),
             "u_sample": index,
             "u_keep": still or known,
-            "u_still": still,
             "u_camera_rests": rests,
         }
-        changed = known and not still and any(p.changed for p in passes) and _changed(ready, uniforms, history)
+        changed = known and not still and any(p.when == "changed" for p in passes) and _changed(ready, uniforms, history)
         before = {f"u_now_{name}": value for name, value in camera.items()} if changed else None
         if before is not None:
             before |= _earlier(drawing.resources, ready, history)
         turns = None if then is None else then.light_turns
-        yield Turn({**own, "u_changed": changed}, before=before, light_turns=turns)
+        yield Turn({**own, "u_changed": changed}, before=before, light_turns=turns, still=still)
         if not history.light.complete:
             break
         if not single:

@@ -169,7 +169,7 @@ class Interlaced:
         """The uniforms of the one sample of a pixel, with all its light."""
         drawing = self.drawing
         count = drawing.ready.plan.light_samples(drawing.inputs.light_turns) if chosen.lights == "each" else 0
-        once = {"u_jitter": (0.0, 0.0), "u_sample": 0, "u_keep": False, "u_still": False}
+        once = {"u_jitter": (0.0, 0.0), "u_sample": 0, "u_keep": False}
         return {**once, "u_first_sample": 0, "u_end_sample": count}
 
     def _bands(self, chosen: Pass, grid: Grid, uniforms: dict[str, Any]) -> Iterator[DrawCall]:

@@ -64,7 +64,8 @@ class Pass:
     often : "once"; for each "level" of cones; in "steps" of a march, until all rays have terminated; for each "sample".
         Neighbours that are drawn for each sample take turns. An "effect" has the stages that it states.
     history : names by which it reads the textures that it wrote last. Each draw then writes another target.
-    changed : drawn only if the scene changed since the last picture, with the uniforms of that picture.
+    when : "" for always. "changed": only if the scene changed since the last picture, with the uniforms of that
+        picture. "still": only if it is the picture that its history shows, "moving" only if not.
     sharp : its rays start at the centre of the lens.
     defines : preprocessor names defined in this pass only. shades : True if it computes the colour of surfaces.
     surfaces : True if it calls `surface_normal` or `material_index`. bends : True if it calls `surface_normal`, and
@@ -84,7 +85,7 @@ class Pass:
     outputs: Mapping[str, Output] = field(default_factory=dict)
     often: str = "once"
     history: tuple[str, ...] = ()
-    changed: bool = False
+    when: str = ""
     sharp: bool = False
     defines: tuple[str, ...] = ()
     shades: bool = False
@@ -101,6 +102,11 @@ class Pass:
     def textures(self) -> int:
         """Number of float colour textures that it writes."""
         return len(self.writes)
+
+    @property
+    def pair(self) -> str:
+        """The name of the targets that it writes in turns, if it has a history. Passes that write the same share them."""
+        return f"{self.writes[0].removeprefix('u_')} history"
 
     @property
     def head(self) -> tuple[str, ...]:
@@ -170,7 +176,7 @@ BEFORE: Final = Pass(
     ("u_earlier_color", "u_earlier_motion"),
     "positions and colours of this frame's points in the previous frame",
     often="sample",
-    changed=True,
+    when="changed",
 )
 
 COLOR: Final = Pass("color", "view/color", ("u_color",), "the picture", {"color": Output(0, slice(3))}, shades=True)
@@ -193,7 +199,16 @@ RESOLVE: Final = replace(
     reason="the picture: the new sample blended with the history",
     often="sample",
     history=("u_history", "u_history_surface"),
+    when="moving",
     shades=False,
+)
+
+MEAN: Final = replace(
+    RESOLVE,
+    name="mean",
+    module="temporal/mean",
+    reason="the picture, averaged over its samples while it does not change",
+    when="still",
 )
 
 DRAWN: Final = {
@@ -300,14 +315,13 @@ def picture_passes(
     sampled = quality.steps_per_pass is None and (quality.samples > 1 or quality.temporal != "off")
     for name in names:
         if name == "color" and quality.temporal == "reproject" and not mixed:
-            found += [SAMPLE, BEFORE, RESOLVE] if changes else [SAMPLE, RESOLVE]
+            found += [SAMPLE, *[BEFORE] * changes, RESOLVE, MEAN]
         elif name == "color":
             found.append(AVERAGED if sampled else SINGLE)
         else:
             found.append(DRAWN[name])
         if name == "color" and post:
-            picture, *effects = changed_by(found.pop(), post)
-            found.append(picture)
+            found, effects = changed_by(found, post)
     return [*found, *effects]
 
 
@@ -330,10 +344,10 @@ def with_cones(passes: Sequence[Pass], cones: bool) -> list[Pass]:
     return [CONE] * cones + [p for p in passes if p is not CONE]
 
 
-def changed_by(picture: Pass, post: Sequence[PostEffect]) -> list[Pass]:
-    """A pass that draws a picture, and those of its post effects. The last one draws the colour of the frame."""
-    kept = {name: output for name, output in picture.outputs.items() if name != "color"}
-    found = [replace(picture, outputs=kept)]
+def changed_by(passes: Sequence[Pass], post: Sequence[PostEffect]) -> tuple[list[Pass], list[Pass]]:
+    """Passes that draw a picture, and those of its post effects. The last one draws the colour of the frame."""
+    before = [replace(p, outputs={name: x for name, x in p.outputs.items() if name != "color"}) for p in passes]
+    found: list[Pass] = []
     for effect in post:
         number = sum(p.effect is not None and p.effect.LABEL == effect.LABEL for p in found)
         place = f" at {effect.where}" if effect.where else ""
@@ -348,7 +362,7 @@ def changed_by(picture: Pass, post: Sequence[PostEffect]) -> list[Pass]:
             )
         )
     found[-1] = replace(found[-1], outputs=COLOR.outputs)
-    return found
+    return before, found
 
 
 def joining(drawn: Sequence[Pass]) -> dict[str, str]:

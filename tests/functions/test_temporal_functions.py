@@ -467,11 +467,14 @@ vec4 filter_sample(ivec2 at, vec4 color, vec2 jitter, float share) { return colo
 """
 
 
-def resolved(egl: Context, color: np.ndarray, history: np.ndarray, **given: Any) -> list[np.ndarray]:
-    """Colour with its count, and surface."""
+def resolved(
+    egl: Context, color: np.ndarray, history: np.ndarray, still: bool = False, **given: Any
+) -> list[np.ndarray]:
+    """Colour with its count, and surface. still : of a picture that is that of the history."""
     before = "uniform bool u_nearest;\n" + STAND_INS
-    text = modules("temporal/finite", "temporal/resolve", before=before)
-    values = {"u_color": color, "u_history": history, "u_keep": True, "u_still": False, "u_known": True, "u_most": 1e9}
+    joins = "temporal/mean" if still else "temporal/resolve"
+    text = modules("temporal/finite", "temporal/join", joins, before=before)
+    values = {"u_color": color, "u_history": history, "u_keep": True, "u_known": True, "u_most": 1e9}
     values |= {"u_beside": 0.0}
     values |= {"u_camera_rests": False, "u_moves": False, "u_stayed": True, **given}
     values.setdefault("u_surface", np.broadcast_to(np.float32(SKY), color.shape))
@@ -501,7 +504,7 @@ def test_samples_that_are_joined_are_their_mean(egl: Context) -> None:
     moving = np.minimum(counts, 10)
     for given, kept in (
         ({}, moving),
-        ({"u_still": True}, counts),
+        ({"still": True}, counts),
         ({"u_known": False}, 0 * counts),
         ({"u_camera_rests": True}, counts),
         ({"u_camera_rests": True, "u_known": False}, counts),
@@ -513,7 +516,6 @@ def test_samples_that_are_joined_are_their_mean(egl: Context) -> None:
         ({"u_camera_rests": True, "u_most": 12.0}, np.minimum(counts, 12)),
         ({"u_most": 3.0}, np.minimum(counts, 3)),
         ({"u_keep": False}, 0 * counts),
-        ({"u_keep": False, "u_still": True}, 0 * counts),
     ):
         found = resolved(egl, color, history, **given)[0]
         known = np.stack([8 * kept, 4 + 0 * kept, 2 * kept + 2, (kept + 1) ** 2], axis=-1) / (kept + 1)[..., None]
@@ -530,11 +532,11 @@ def test_neither_a_poisoned_sample_nor_a_poisoned_history_leaves_a_trace(
     for k in range(4):
         spoilt[0, k, k] = poison
         spoilt[0, 4 + k, :] = poison
-    sound = resolved(egl, clean, spoilt, u_still=still)[0]
+    sound = resolved(egl, clean, spoilt, still=still)[0]
     np.testing.assert_allclose(sound, [[(1, 2, 3, 4)] * 8 + [(1, 2, 3, 8)]], rtol=4 * ULP)
-    sound = resolved(egl, spoilt, clean, u_still=still)[0]
+    sound = resolved(egl, spoilt, clean, still=still)[0]
     np.testing.assert_allclose(sound, [[(1, 2, 3, 4)] * 8 + [(1, 2, 3, 8)]], rtol=4 * ULP)
-    nothing = resolved(egl, spoilt, spoilt, u_still=still)[0]
+    nothing = resolved(egl, spoilt, spoilt, still=still)[0]
     assert not nothing[0, :8].any(), "no sample at all is black, and counts none"
 
 

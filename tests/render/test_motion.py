@@ -79,11 +79,15 @@ def test_only_what_moves_pays(renderer: Renderer) -> None:
     assert "before" not in passes(still)
     assert "previous_position" not in prepare(still).texts["color"]
     moving = rm.Scene(rm.sphere().translate((x, 0, 0)), rm.Camera((0, 1, 4)), quality=KEEP)
-    assert passes(moving)[-3:] == ["sample", "before", "color"]
+    assert passes(moving)[-4:] == ["sample", "before", "color", "mean"]
     assert "before" not in passes(moving.replace(quality=rm.Quality()))
     renderer.forget()
     drawn = [[t.name for t in renderer.render(moving, params={"x": v}).timings] for v in (0.0, 0.0, 0.2, 0.2)]
-    assert [names.count("before") for names in drawn] == [0, 0, 1, 0]
+    joined = [["color"], ["mean"], ["before", "color"], ["mean"]]
+    assert [[name for name in names if name not in ("cone", "sample")] for names in drawn] == joined
+    (*_, mean) = renderer.draw_calls(moving, params={"x": 0.2})
+    read = {name for name in mean.program.uniforms if name.startswith("u_")}
+    assert read == {"u_history", "u_color", "u_surface"}, "a picture that stays asks nothing of what moves"
 
 
 def test_many_lights_that_move_leave_no_ghost(renderer: Renderer) -> None:

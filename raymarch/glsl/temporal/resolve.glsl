@@ -1,12 +1,11 @@
-// Pass: the new sample of each pixel blended with the history. The mean of all samples while the picture does not
-// change, and where a pixel does not change while others do. Elsewhere the history is fetched from the previous
-// position of the point, if the point was visible; it is clipped to the colours around the new sample, and old samples
-// lose weight after some frames.
+// Pass: the new sample of each pixel blended with the history of another picture. The mean of all samples where a pixel
+// does not change while others do. Elsewhere the history is fetched from the previous position of the point, if the
+// point was visible; it is clipped to the colours around the new sample, and old samples lose weight after some frames.
+// See temporal/mean for a picture that stays.
 layout(location = 0) out vec4 out_color;  // alpha counts the samples
 layout(location = 1) out vec4 out_surface;
 
 uniform bool u_keep;  // false if the history shows another scene
-uniform bool u_still;  // true if nothing changed since the history
 uniform bool u_camera_rests;  // true if the camera is that of the history
 uniform vec2 u_jitter;
 
@@ -48,8 +47,8 @@ void main() {
     if (!finite(color)) color = vec4(0.0);
     vec4 before = vec4(0.0);
     if (u_keep) before = texelFetch(u_history, at, 0);
-    int nine = u_keep && !u_still && u_camera_rests ? 9 : 0;
-    if (u_keep && !u_still) {
+    int nine = u_keep && u_camera_rests ? 9 : 0;
+    if (u_keep) {
         Ray ray = camera_ray(PIXEL + u_jitter);
         // A pixel at rest has a history of its own, unless something has left it.
         bool rests = u_camera_rests && !moves_around(at, nine);
@@ -63,8 +62,6 @@ void main() {
             if (kept < MEMORY || motion != vec3(0.0)) color = filter_sample(at, color, u_jitter, before.a / MEMORY);
         }
     }
-    if (!finite(before)) before = vec4(0.0);
-    float count = before.a + color.a;
-    out_color = vec4(mix(before.rgb, color.rgb, count > 0.0 ? color.a / count : 0.0), count);
+    out_color = joined(before, color);
     out_surface = surface;
 }
