@@ -313,7 +313,8 @@ def _samples(drawing: Drawing, passes: tuple[Pass, ...], kept: bool) -> Iterator
             "u_keep": still or known,
             "u_camera_rests": rests,
         }
-        changed = known and not still and any(p.when == "changed" for p in passes) and _changed(ready, uniforms, history)
+        compares = known and not still and any(p.when == "changed" for p in passes)
+        changed = compares and _changed(ready, uniforms, history)
         before = {f"u_now_{name}": value for name, value in camera.items()} if changed else None
         if before is not None:
             before |= _earlier(drawing.resources, ready, history)

@@ -105,7 +105,7 @@ class Pass:
 
     @property
     def pair(self) -> str:
-        """The name of the targets that it writes in turns, if it has a history. Passes that write the same share them."""
+        """The name of the targets that it writes in turns, if it has a history. Passes that write the same share it."""
         return f"{self.writes[0].removeprefix('u_')} history"
 
     @property
