@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import groupby
 from typing import Any
@@ -21,39 +21,13 @@ from raymarch.gpu.prepare import Prepared
 from raymarch.gpu.resource_cache import ResourceCache
 from raymarch.gpu.sequences import halton, moment, r2
 from raymarch.gpu.targets import Target
+from raymarch.gpu.turn import Turn
 from raymarch.plan import Pass, marching
 from raymarch.plan.marching import Level
 from raymarch.scene.post import PICTURE, Stage
 
 MOST_BANDS = 32
 """Maximum number of frames over which one pass that adds light is spread."""
-
-
-@dataclass(frozen=True, slots=True)
-class Turn:
-    """A draw of each pass of a group.
-
-    uniforms : of this turn. size : of the target; None for that of the picture. target : its name; "" for the pass's.
-    before : all uniforms of the last picture, if the scene changed since. kept : use what was drawn earlier.
-    still : whether the picture is the one that the history shows.
-    rows : the first row that is drawn, and the one after the last; None for all. A pass with a history reads the
-        earlier one until its last row is drawn.
-    light_turns : the largest number of lights of a surface; None if it is that of the frame.
-    """
-
-    uniforms: Mapping[str, Any]
-    size: tuple[int, int] | None = None
-    target: str = ""
-    before: Mapping[str, Any] | None = None
-    kept: bool = False
-    rows: tuple[int, int] | None = None
-    light_turns: int | None = None
-    still: bool = False
-
-    def draws(self, chosen: Pass) -> bool:
-        """Whether a pass is drawn; see `Pass.when`."""
-        when = {"": True, "changed": self.before is not None, "still": self.still, "moving": not self.still}
-        return not self.kept and when[chosen.when]
 
 
 class Drawing:
