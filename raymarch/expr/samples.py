@@ -23,14 +23,17 @@ Array = NDArray[Any]
 
 
 class Samples(Data):
-    """Numbers on a regular grid, float32: shape (ny, nx) or (nz, ny, nx), each side 2 to 2048."""
+    """Numbers on a regular grid, float32: shape (ny, nx) or (nz, ny, nx), each side 2 to 2048.
 
-    __slots__ = ("values",)
+    called : the function of the user's call that made them, by which messages name the node; "" for the node's own.
+    """
+
+    __slots__ = ("called", "values")
 
     kind = "samples"
     channels = 1
 
-    def __init__(self, values: ArrayLike) -> None:
+    def __init__(self, values: ArrayLike, called: str = "") -> None:
         array = np.ascontiguousarray(values, np.float32)
         if array.ndim not in (2, 3) or min(array.shape) < 2 or max(array.shape) > 2048:
             raise SceneError(f"samples of shape {array.shape}", legal="(ny, nx) or (nz, ny, nx), each from 2 to 2048")
@@ -38,6 +41,7 @@ class Samples(Data):
             raise SceneError("samples hold values that are not finite", legal="finite numbers")
         array.setflags(write=False)
         self.values = array
+        self.called = called
         self.key = digest(",".join(map(str, array.shape)).encode(), array.tobytes())
         self.label = f"samples of {' x '.join(map(str, self.size))}"
 

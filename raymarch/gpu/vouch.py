@@ -36,6 +36,12 @@ FEW = 16384
 WHITE = 1.0 + 0.5 / 255.0 * 2.4 / 1.055
 """Light that is more than half a step of 8 bits above white, by the slope of the curve of sRGB at 1."""
 
+STARTS = 5
+"""Columns and rows of the parallel rays whose starts are asked."""
+
+STARTS_ROUNDED = 8.0
+"""Units in the last place by which rounding may move the start of a ray off the surface on which the camera is."""
+
 OVEREXPOSED = 0.05
 """Fraction of the picture that may be clipped to white without a doubt: highlights are. No picture of the
 gallery reaches 0.02."""
@@ -53,7 +59,7 @@ def doubts_of(
     lost, above = frame._count_odd()
     found: list[Doubt | None] = [*frame.warnings, *contradicted(scene, values), not_finite(lost, pixels)]
     found += moved_otherwise(scene, values)
-    found += [noisy(scene), inside(ready, values, pose), *ready.plan.without_effect]
+    found += [noisy(scene), inside(ready, values, pose, frame.size), *ready.plan.without_effect]
     found += [coarse(ready, pose, frame.size[1]), too_thin(ready, pose)]
     white = overexposed(frame.color, scene) if above > OVEREXPOSED * pixels else None
     if white is not None:
@@ -141,15 +147,22 @@ def noisy(scene: Scene) -> Doubt | None:
     return Doubt("picture", "glass is noisy with one random path a pixel", f"{cure}; or integrator='whitted'")
 
 
-def inside(ready: Prepared, values: Values, pose: Pose) -> Doubt | None:
-    """The doubt of a camera in a solid, or on its surface; None in glass, and if rays start at points of their own."""
+def inside(ready: Prepared, values: Values, pose: Pose, size: tuple[int, int]) -> Doubt | None:
+    """The doubt of a camera in a solid, or on its surface. None in glass, with a lens, and where the plane in which
+    rays start may open solids: that of parallel rays is only doubted if it is a face, on which all of them start.
+
+    size : (width, height) of the picture in pixels.
+    """
     scene = ready.plan.given
-    own_starts = pose.half_height or pose.near or pose.aperture
-    if ready.distance is None or own_starts or any(m.transmits for m in scene.materials):
+    if ready.distance is None or pose.near or pose.aperture or any(m.transmits for m in scene.materials):
         return None
+    columns, rows = (np.linspace(0, n - 1, STARTS).round().astype(int) for n in size)
+    starts = pose.rays(*(each.ravel() for each in np.meshgrid(columns, rows)), size)[0]
     with bound(values.params, values.time):
-        depth = -float(np.ravel(ready.distance((pose.position - ready.plan.origin)[None])[0])[0])
-    if not depth >= 0.0:
+        depth = -float(np.max(ready.distance(starts - ready.plan.origin)[0]))
+    if abs(depth) <= STARTS_ROUNDED * np.spacing(np.abs(starts).max()):
+        depth = 0.0
+    if not depth >= 0.0 or (pose.orthographic and depth > 0.0):
         return None
     least = "" if scene.node.exactness == "exact" else "at least "
     what = f"the camera is {least}{depth:.3g} deep inside a solid, whose inner side is shown"

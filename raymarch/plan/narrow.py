@@ -123,9 +123,11 @@ class _Widths:
         through = self._free(beside, -to_light, -1.0)  # the solid itself, where it is behind the point
         start = np.where(np.isfinite(through), through, 0.0) + 2e-3 * self._size
         behind = start + self._free(beside - start[:, None] * to_light, -to_light, 1.0, 1e4)
-        radius = wide * (behind / (behind + far) if light.has_position else behind)
+        shadowed = np.isfinite(behind)
+        behind = np.where(shadowed, behind, 0.0)
+        radius = wide * (behind / np.maximum(behind + far, 1e-12) if light.has_position else behind)
         cosine = (self._normals * to_light).sum(axis=1)
-        seen = (np.abs(cosine) < 0.85) & np.isfinite(radius) & (self.thickness > 0.0)
+        seen = (np.abs(cosine) < 0.85) & shadowed & (self.thickness > 0.0)
         closed = self.gap < 2.5 * radius
         aside = self._normals - cosine[:, None] * to_light
         aside /= np.maximum(np.linalg.norm(aside, axis=1), 1e-9)[:, None]

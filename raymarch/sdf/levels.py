@@ -48,7 +48,7 @@ def flatness_by_facts(root: Node) -> float:
     """The same for what nodes state: uneven scales and sampled fields, and not for slopes that are measured."""
     nodes = all_nodes(root)
     known = [node.facts.spread for node in nodes if math.isfinite(node.facts.spread)]
-    return max([1.0, *known, *(_of_samples(node) for node in nodes if node.name == "sampled_grid")])
+    return max([1.0, *known, *(_of_samples(node) for node in nodes if node.definition.name == "sampled_grid")])
 
 
 def _uncertain(root: Node, stretches: bool) -> Iterator[Node]:
@@ -60,7 +60,7 @@ def _uncertain(root: Node, stretches: bool) -> Iterator[Node]:
         node, placed = pending.pop()
         facts = node.facts
         known = facts.undivided <= STEEP and (math.isfinite(facts.spread) or facts.exactness == "estimate")
-        if id(node) in visited or known or node.name == "sampled_grid":
+        if id(node) in visited or known or node.definition.name == "sampled_grid":
             continue
         visited.add(id(node))
         if node.placed_as in ("union", "select", "rigid", "scale"):

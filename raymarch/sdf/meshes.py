@@ -90,7 +90,7 @@ def mesh(
             arrays = {"values": values, "size": size, "centre": centre}
             if lost := disk.save(kept, arrays | {n: np.array(t, np.str_) for n, t in texts.items()}, compressed=True):
                 warn(f"mesh: the cache {lost}: nothing is kept")
-        found = sampled_grid(Samples(values), size, centre), repairs
+        found = sampled_grid(Samples(values, "mesh"), size, centre), repairs
     for repair in found[1]:
         warn(repair)
     return found[0]
@@ -140,7 +140,7 @@ def _from_cache(kept: Path, beside: Beside) -> tuple[Node, list[str]] | None:
         return None
     if not beside.holds(dict(zip(found["names"].tolist(), found["digests"].tolist(), strict=True))):
         return None
-    return sampled_grid(Samples(found["values"]), found["size"], found["centre"]), found["repairs"].tolist()
+    return sampled_grid(Samples(found["values"], "mesh"), found["size"], found["centre"]), found["repairs"].tolist()
 
 
 def _extent(what: str, value: Any) -> float:

@@ -103,8 +103,9 @@ class Node(Methods):
 
     @property
     def name(self) -> str:
-        """Name of the shape or operator."""
-        return self.definition.called
+        """Name of the shape or operator, as it was called."""
+        by_data: str = getattr(self.params.get("data"), "called", "")
+        return by_data or self.definition.called
 
     @property
     def placed_as(self) -> str:

@@ -64,6 +64,7 @@ WAVES = RawField(
     exactness=lambda field: field.exactness,
     bounds=lambda field: (const(field.lower), const(field.upper)),
     lipschitz=lambda field: field.lipschitz,
+    called="glsl_node",
 )
 def raw_field(p: Expr, field: Annotated[Any, Domain(None, holds=RawField)] = WAVES) -> Expr:
     """A field written in GLSL."""

@@ -191,8 +191,8 @@ def check_centred(name: str, node: Node, width: Expr, i: int, place: str) -> Non
     reach = float(np.maximum(-node.facts.lower, node.facts.upper)[i])
     if not reach <= half * (1 + 1e-12):
         cure = f"None as the spacing along {axis}, or parameters with a finite range"
-        what = f"{name}: {node.name} reaches {reach:g} from {place} along {axis}, its cell only {half:g}"
-        raise SceneError(what, legal=f"a spacing >= {2.0 * reach:g} along {axis}" if np.isfinite(reach) else cure)
+        what = f"{name}: {node.name} reaches {reach:.13g} from {place} along {axis}, its cell only {half:.13g}"
+        raise SceneError(what, legal=f"a spacing >= {2.0 * reach:.13g} along {axis}" if np.isfinite(reach) else cure)
 
 
 @method
@@ -269,5 +269,5 @@ def _check_fit(node: Node, axis: str, step: Expr, lower: float, upper: float) ->
     if not np.isfinite(upper - lower):
         raise SceneError(f"repeat: {node.name} is unbounded along {axis}", legal=f"None as the spacing along {axis}")
     if upper - lower > smallest * (1 + 1e-12):
-        what = f"repeat: {node.name} is {upper - lower:g} wide along {axis}, its cell only {smallest:g}"
-        raise SceneError(what, legal=f"a spacing >= {upper - lower:g} along {axis}, or padding")
+        what = f"repeat: {node.name} is {upper - lower:.13g} wide along {axis}, its cell only {smallest:.13g}"
+        raise SceneError(what, legal=f"a spacing >= {upper - lower:.13g} along {axis}, or padding")

@@ -92,6 +92,7 @@ BALL = _some_grid()
     bounds=_solid_box,
     lipschitz=lambda data, size: length(vec2(1.0, _steepness(data, size))),
     spread=_grid_spread,
+    called="grid",
 )
 def sampled_grid(p: Expr, data: Data = BALL, size: Size3 = (2.0, 2.0, 2.0), center: Vec3 = (0.0, 0.0, 0.0)) -> Expr:
     """Distances on a regular grid whose outermost samples lie on the faces of a box."""
@@ -188,9 +189,9 @@ def isosurface(
     least = _mapped(lowest, values_at, heights) if at.is_constant else np.interp(lowest, values_at, heights)
     outside = least - np.interp(array, values_at, heights)
     if at.is_constant:
-        solid = sampled_grid(_as_distances(outside, extents), size, center)
+        solid = sampled_grid(_as_distances(outside, extents, "isosurface"), size, center)
     else:
-        solid = sampled_grid(Samples(outside.transpose(2, 1, 0)), size, center)
+        solid = sampled_grid(Samples(outside.transpose(2, 1, 0), "isosurface"), size, center)
         inner = values_at[(values_at > lowest) & (values_at < highest)]
         ends = np.clip([lowest, *inner, highest], values_at[0], values_at[-1])
         steps = np.diff(np.interp(ends, values_at, heights)) / np.maximum(np.diff(ends), np.finfo(float).tiny)
@@ -222,15 +223,15 @@ def refuse_broken(what: str, broken: NDArray[np.bool_], of: str, legal: str) -> 
         raise SceneError(f"{what}: {np.sum(broken)} of {broken.size} {of} are not finite", legal=legal)
 
 
-def _as_distances(array: NDArray[np.float64], size: Any) -> Samples:
-    """Values in a box of that size as distances: the same surface, and the usual slope 1 there.
+def _as_distances(array: NDArray[np.float64], size: Any, called: str = "") -> Samples:
+    """Values in a box of that size as distances: the same surface, and the usual slope 1 there. called : see `Samples`.
 
     Cells that hold the surface keep their values. No other value exceeds what twice the steepest slope there allows.
     """
     cells = np.asarray(size, np.float64) / (np.array(array.shape) - 1.0)
     cell = np.min(cells)
     if not (array.min() <= 0.0 < array.max() and 0.0 < cell < np.inf):
-        return Samples(array.transpose(2, 1, 0))
+        return Samples(array.transpose(2, 1, 0), called)
     values = array / np.abs(array).max()
     low, high, slopes = _cells(values)
     crossed = (low <= 0.0) & (high > 0.0)
@@ -241,7 +242,7 @@ def _as_distances(array: NDArray[np.float64], size: Any) -> Samples:
             kept = _over_ends(np.logical_or, kept, axis)
         step = float(np.sqrt(allowed))
         values = np.where(kept, values, np.where(values > 0.0, _limited(values, step), -_limited(-values, step)))
-    return Samples(values.transpose(2, 1, 0) / _usual_slope(values, crossed, cells))
+    return Samples(values.transpose(2, 1, 0) / _usual_slope(values, crossed, cells), called)
 
 
 def _usual_slope(values: NDArray[np.float64], crossed: NDArray[np.bool_], cell: NDArray[np.float64]) -> float:

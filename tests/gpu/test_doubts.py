@@ -229,6 +229,17 @@ def test_a_camera_on_a_surface(context, target):
         assert not renderer.render(scene.replace(camera=rm.Camera((0, 0, 1.001), target))).doubts()
 
 
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+def test_a_face_in_the_plane_where_parallel_rays_start(context, turn):
+    node = (rm.box(2) | rm.sphere(0.5).translate((0, 0, 4))).rotate(turn, "y")
+    out = np.array([np.sin(turn), 0, np.cos(turn)])
+    with rm.Renderer((24, 18), context=context) as renderer:
+        for away, height, seen in ((1.0, 1.0, True), (1.0, 4.0, False), (1.001, 1.0, False), (0.9, 1.0, False)):
+            camera = rm.Camera(away * out, 5 * out, projection="orthographic", height=height)
+            found = renderer.render(rm.Scene(node, camera, [rm.Sun((1, 2, 1))])).doubts()
+            assert any("on a surface" in doubt for doubt in found) == seen
+
+
 def lit_floor(intensity, color=(0.8, 0.8, 0.8), **parts):
     node = (rm.plane(offset=-1) | rm.sphere()).material(rm.Material(color, specular=0, **parts))
     return rm.Scene(node, rm.Camera((0, 1, 5), (0, 0, 0)), [rm.Sun((0, 1, 0), intensity=intensity)], sky=(9, 9, 9))

@@ -126,7 +126,7 @@ def test_glsl_materials_and_colours_are_looked_at(renderer: rm.Renderer) -> None
     node, line = rm.glsl_node(code, "holed", bounds=((-1, -1, -1), (1, 1, 1))), here()
     found = find_faults(renderer, rm.Scene(node | rm.plane(offset=-1), CAMERA))
     (wrong,) = [report for report in found.reports if report.faults]
-    assert (wrong.name, wrong.where and wrong.where.line) == ("raw_field", line)
+    assert (wrong.name, wrong.where and wrong.where.line) == ("glsl_node", line)
     assert wrong.first is not None and wrong.first.what == KINDS[1] and not np.isfinite(wrong.first.value)
     spotted = rm.Material(lambda p: log(p.y) * vec3(1, 1, 1))
     found = find_faults(renderer, rm.Scene(rm.sphere().material(spotted), CAMERA))
@@ -154,7 +154,7 @@ def test_a_slope_is_that_of_the_definition_before_it_is_divided(renderer: rm.Ren
     code = "float thrice(vec3 p) { return 3.0 * (length(p) - 1.0); }"
     node = rm.glsl_node(code, "thrice", "bound", lipschitz=2.0, bounds=((-1, -1, -1), (1, 1, 1)))
     found = find_slopes(renderer, rm.Scene(node | rm.plane(offset=-1.1), CAMERA)).reports
-    (wrong,) = [report for report in found if report.name == "raw_field"]
+    (wrong,) = [report for report in found if report.name == "glsl_node"]
     assert wrong.broken and wrong.promise == 2.0 and wrong.slope == pytest.approx(3.0, abs=4e-3)
 
 

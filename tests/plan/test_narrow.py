@@ -47,3 +47,10 @@ def test_a_wide_solid_is_not_doubted(tilt: float) -> None:
     to_light = (float(np.sin(tilt)), float(np.cos(tilt)), 0.0)
     for node in (rm.sphere(1.0), rm.box((3, 1, 3)), rm.box((3, 0.3, 3))):
         assert told(node, to_light, 0.05) == []
+
+
+def test_a_light_below_a_wide_lid_divides_by_nothing() -> None:
+    """The suite turns warnings of NumPy into errors: rays upwards meet nothing, infinitely far away."""
+    lid = rm.box((2, 0.2, 2)).translate((0, 1.4, 0))
+    scene = rm.Scene(lid | rm.plane(), lights=[rm.SphereLight((0, 1, 0), 0.3, shadow=True)])
+    assert narrow(scene) == []

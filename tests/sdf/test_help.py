@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import pydoc
 import re
 from pathlib import Path
@@ -16,6 +17,26 @@ from tests.support.node_samples import definitions
 
 ROOT = Path(rm.__file__).parents[1]
 PUBLIC = [name for name in dir(raymarch.sdf) if name in REGISTRY and REGISTRY[name] in definitions()]
+
+
+def test_messages_name_what_was_called() -> None:
+    """Each definition is called as a public function or a method, also those that several functions make."""
+    assert not [d.name for d in definitions() if not (hasattr(rm, d.called) or hasattr(rm.Node, d.called))]
+    distances = np.full((8, 8, 8), 1.0)
+    distances[3:5, 3:5, 3:5] = -1.0
+    corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], float)
+    made = {
+        "grid": rm.grid(distances),
+        "isosurface": rm.isosurface(-distances, 0.5),
+        "mesh": rm.mesh((corners, [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]), resolution=8),
+        "glsl_node": rm.glsl_node("float ball(vec3 p) { return length(p) - 1.0; }", "ball"),
+        "sketch": rm.sketch((0, 0)).line_to((1, 0)).line_to((0, 1)).close(),
+        "implicit": rm.implicit(lambda p: p.x**4 + p.y**4 + p.z**4 - 1, 2),
+    }
+    for name, node in made.items():
+        assert node.name == name and pickle.loads(pickle.dumps(node)).name == name
+    with pytest.raises(rm.SceneError, match="taper: glsl_node is unbounded"):
+        made["glsl_node"].taper(0.1)
 
 
 def text_of(name: str) -> str:

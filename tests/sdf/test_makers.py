@@ -98,6 +98,7 @@ def test_many_wide_copies_around_an_axis() -> None:
         (lambda: ROD.repeat(1), "or padding"),
         (lambda: ROD.repeat(1, padding=-1), "padding = -1"),
         (lambda: ROD.repeat((0.5, None, None), padding=1), "2.7 wide along x, its cell only 1.5"),
+        (lambda: rm.box(1.000001).repeat(1), "box is 1.000001 wide along x, its cell only 1"),
     ],
 )
 def test_refused(make: Any, message: str) -> None:
