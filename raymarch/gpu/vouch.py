@@ -156,8 +156,8 @@ def inside(ready: Prepared, values: Values, pose: Pose, size: tuple[int, int]) -
     scene = ready.plan.given
     if ready.distance is None or pose.near or pose.aperture or any(m.transmits for m in scene.materials):
         return None
-    columns, rows = (np.linspace(0, n - 1, STARTS).round().astype(int) for n in size)
-    starts = pose.rays(*(each.ravel() for each in np.meshgrid(columns, rows)), size)[0]
+    columns, rows = np.meshgrid(*(np.linspace(0, n - 1, STARTS).round().astype(int) for n in size))
+    starts = pose.rays(columns.ravel(), rows.ravel(), size)[0]
     with bound(values.params, values.time):
         depth = -float(np.max(ready.distance(starts - ready.plan.origin)[0]))
     if abs(depth) <= STARTS_ROUNDED * np.spacing(np.abs(starts).max()):
