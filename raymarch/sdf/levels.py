@@ -317,7 +317,7 @@ def short_tool(root: Node, reach: float) -> tuple[Node, float] | None:
 
     There the field is the distance to the end of the tool, where nothing is drawn.
     """
-    for node, factor in islice(_scaled(root), PROBES):
+    for node, factor in islice(scaled(root), PROBES):
         if node.name == "difference" and node.dimension == 3 and factor * _beyond_face(node) < reach:
             return node, factor * _beyond_face(node)
     return None
@@ -352,7 +352,7 @@ def _beyond_face(node: Node) -> float:
 
 def thinnest(root: Node) -> tuple[Node, float] | None:
     """The node of an uneven scale above `FLAT` whose box is the thinnest, and how thick that is; None without one."""
-    flat = [(factor, n) for n, factor in _scaled(root, _is_flat) if _is_flat(n) and not n.facts.empty]
+    flat = [(factor, n) for n, factor in scaled(root, _is_flat) if _is_flat(n) and not n.facts.empty]
     found = [(factor * float(np.min(n.facts.upper - n.facts.lower)), n) for factor, n in flat]
     thickness, node = min(found, key=lambda each: each[0], default=(0.0, None))
     return None if node is None else (node, thickness)
@@ -363,7 +363,7 @@ def _is_flat(node: Node) -> bool:
     return node.placed_as == "stretch" and node.facts.spread > FLAT
 
 
-def _scaled(root: Node, ends: Callable[[Node], bool] = lambda _: False) -> Iterator[tuple[Node, float]]:
+def scaled(root: Node, ends: Callable[[Node], bool] = lambda _: False) -> Iterator[tuple[Node, float]]:
     """The nodes of a tree, each with the factor by which those above scale it; none below those where it ends."""
     visited: set[int] = set()
     pending = [(root, 1.0)]

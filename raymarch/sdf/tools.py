@@ -16,6 +16,7 @@ from raymarch.sdf.definition import definition_of
 from raymarch.sdf.evaluation import evaluate_distance
 from raymarch.sdf.facts import lattice
 from raymarch.sdf.flat import rectangle
+from raymarch.sdf.levels import scaled
 from raymarch.sdf.node import Node, all_nodes, at_line_of, folded, has_constants, rederived, replaced
 from raymarch.sdf.placement import affine_of
 from raymarch.sdf.placing import translate
@@ -49,7 +50,8 @@ def with_longer_tools(root: Node, reach: float) -> Node:
     """
     root = with_prisms(root) if reach > 0.0 else root
     cuts = [node for node in all_nodes(root) if _is_hard(node, "difference") and _is_constant(node)]
-    chosen = {id(node) for node in cuts[:MEASURED] if _longer(node)[1] < reach}
+    factors = {id(node): factor for node, factor in scaled(root)}  # `reach` is a length outside of all of them
+    chosen = {id(node) for node in cuts[:MEASURED] if factors[id(node)] * _longer(node)[1] < reach}
     if not chosen:
         return root
 

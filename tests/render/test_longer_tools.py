@@ -138,6 +138,21 @@ def test_a_longer_tool_cuts_the_same_solid(name: str) -> None:
     assert not ((before < -1e-6) & (after > -1e-6)).any()
 
 
+@pytest.mark.parametrize("factor", [1e-3, 0.125, 8.0, 1e3])
+def test_a_scaled_solid_has_the_tools_of_the_solid(factor: float) -> None:
+    """How far a tool must reach is a length of the scene, in which the solid is scaled."""
+    node = rm.sphere(0.4) - rm.box(0.5).translate((0.2, 0.2, 0.2))
+    points = np.random.default_rng(3).uniform(-0.6, 0.6, (2000, 3))
+    wanted = with_longer_tools(node, 0.25).distance(points)
+    assert np.abs(wanted - node.distance(points)).max() > 0.02  # the tool is longer
+    for scaled in (
+        node.scale(factor),
+        node.rotate(0.0, "x").scale(factor**0.5).translate((0, 0, 0)).scale(factor**0.5),
+    ):
+        made = with_longer_tools(scaled, 0.25 * factor)
+        np.testing.assert_allclose(made.distance(points * factor), wanted * factor, rtol=1e-9, atol=1e-9 * factor)
+
+
 @pytest.mark.parametrize("depth", [9.9, 9.9999])
 def test_a_tool_that_ends_in_the_solid_stays(depth: float) -> None:
     node = PLATE - rm.cylinder(8, depth)
