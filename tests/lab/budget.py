@@ -19,6 +19,8 @@ import raymarch as rm
 from raymarch.gpu.clock import Clock
 
 BUDGET = 33.0
+RUNS = 5
+"""Number of times that a scene is drawn whole and in frames, in turns. Medians are compared."""
 SCENE = Path(__file__).parents[2] / "examples" / "papers" / "lights.py"
 
 
@@ -37,18 +39,32 @@ def of_scene(file: str, size: tuple[int, int] = (320, 180), within: float = 16.0
     plain = scene.replace(quality=scene.quality.replace(samples=1, temporal="off"))
     split = plain.replace(quality=plain.quality.replace(steps_per_pass=8, temporal="accumulate"))
     with rm.Renderer(size) as renderer:
+        effects = {each.name for each in renderer.prepared(split).plan.passes if each.effect is not None}
 
-        def drawn(scene: rm.Scene, **given: float) -> float:
+        def drawn(scene: rm.Scene, **given: float) -> list[tuple[float, float]]:
+            """The times of the frames of a picture: all, and post effects alone, which each frame has. No frame is
+            kept: one that somebody holds is read before its target is drawn again."""
             renderer.forget()
-            return sum(timing.draw for timing in renderer.render(scene, **given).timings)
+            found, complete = [], False
+            while not complete:
+                frame = renderer.render(scene, **given)
+                complete = frame.complete
+                times = [(timing.draw, timing.draw * (timing.name in effects)) for timing in frame.timings]
+                found.append(tuple(np.sum(times, axis=0)))
+                del frame
+            return found
 
-        whole, passes = (min(drawn(each) for _ in range(4)) for each in (plain, split))
-        for _ in range(2):  # the first time learns the times of passes
-            took = [drawn(split, within=within)]
-            while not (frame := renderer.render(split, within=within)).complete or frame.timings:
-                took.append(sum(timing.draw for timing in frame.timings))
+        runs = [(drawn(plain), drawn(split), drawn(split, within=within)) for _ in range(RUNS + 2)]
+    each = [[np.sum(times, axis=0) for times in run] for run in runs[2:]]  # the first ones learn the times of passes
+    (whole, of_whole), (passes, _), (parts, of_parts) = np.median(each, axis=0)
+    took = [
+        time
+        for time, _ in sorted((run[2] for run in runs[2:]), key=lambda run: sum(time for time, _ in run))[RUNS // 2]
+    ]
     shares = f"median {np.median(took[:-1] or took) / within:.2f}, p95 {np.percentile(took, 95) / within:.2f}"
-    sums = f"{sum(took) / passes:.2f} of {passes:.0f} ms in passes, {sum(took) / whole:.2f} of {whole:.0f} ms in one"
+    sums = f"{parts / passes:.2f} of {passes:.0f} ms in passes, {parts / whole:.2f} of {whole:.0f} ms in one"
+    if effects:
+        sums += f"; without post effects {(parts - of_parts) / (whole - of_whole):.2f}"
     print(f"{file}: {len(took)} frames, of the budget: {shares}; sum {sums}")
 
 
