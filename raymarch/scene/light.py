@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import fields
-from typing import ClassVar, NamedTuple, TypeAlias, cast
+from typing import Any, ClassVar, NamedTuple, TypeAlias, cast
 
 from raymarch.errors import SceneError
 from raymarch.expr.arrays import SHORTEST, SMALLEST
@@ -247,6 +247,15 @@ class Light(Part):
             penumbra=choice(f"{name}: penumbra", penumbra, PENUMBRAS),
             softness=as_number(f"{name}: softness", softness, low=0.0),
         )
+
+    def arguments(self) -> dict[str, Any]:
+        found = Part.arguments(self)
+        return found | {"direction": None} if found.get("target") is not None else found
+
+    def _unchanged(self, changes: dict[str, Any]) -> dict[str, Any]:
+        """The arguments without changes. A new direction drops the target, and a new target the direction."""
+        aims = {"target", "direction"}
+        return {n: None if n in aims and aims & changes.keys() else v for n, v in self.arguments().items()}
 
     @property
     def radiance(self) -> Expr:

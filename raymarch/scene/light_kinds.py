@@ -155,6 +155,20 @@ class PointLight(Light):
         return DirectionSample(to_light / distance, distance, falloff * values["radiance"])
 
 
+def _aim(name: str, position: Expr, direction: Vec3Like | None, target: Vec3Like | None) -> dict[str, Expr | None]:
+    """The direction of a light that is given by it or by a point, and that point."""
+    if target is None:
+        down = (0.0, -1.0, 0.0)
+        return {
+            "direction": as_direction(f"{name}: direction", down if direction is None else direction),
+            "target": None,
+        }
+    if direction is not None and not isinstance(direction, Expr):  # `dataclasses.replace` passes both
+        raise SceneError(f"{name}: direction together with target", legal="one of them; both say where it shines")
+    at = as_vec3(f"{name}: target", target)
+    return {"direction": as_direction(f"{name}: target - position", at - position), "target": at}
+
+
 @value
 class SpotLight(PointLight):
     """Light from one point into a cone.
@@ -162,28 +176,30 @@ class SpotLight(PointLight):
     Parameters
     ----------
     position : (x, y, z) in scene units.
-    direction : direction in which the light shines, any length but 0.
+    direction : direction in which the light shines, any length but 0. None for (0, -1, 0), straight down.
     half_angle : from the axis of the cone to its edge, in radians, above 0 and up to pi.
     blend : fraction of the half angle over which the edge fades, from 0 (sharp) to 1. Let c be the cosine of the angle
         to the axis, c0 its value at the edge and c1 its value where the fade ends: the light is multiplied by
         ((c - c0) / (c1 - c0))^2.
     color, intensity, shadow, radius, penumbra, range, shadow_radius, attenuation : see `PointLight`.
+    target : the point at which the light shines, (x, y, z), in place of `direction`.
 
     Raises
     ------
-    SceneError : a value outside its range.
+    SceneError : a value outside its range, and `direction` together with `target`.
     """
 
     direction: Expr
     half_angle: Expr
     blend: Expr
+    target: Expr | None
 
     LABEL = "spot lights"
 
     def __init__(
         self,
         position: Vec3Like,
-        direction: Vec3Like = (0.0, -1.0, 0.0),
+        direction: Vec3Like | None = None,
         half_angle: Scalar = 0.5,
         blend: Scalar = 0.2,
         color: ColorLike = (1.0, 1.0, 1.0),
@@ -194,12 +210,13 @@ class SpotLight(PointLight):
         range: Scalar | None = None,
         shadow_radius: Scalar | None = None,
         attenuation: Vec3Like | None = None,
+        target: Vec3Like | None = None,
     ) -> None:
         PointLight.__init__(
             self, position, color, intensity, shadow, radius, penumbra, range, shadow_radius, attenuation
         )
         self._set(
-            direction=as_direction("SpotLight: direction", direction),
+            **_aim("SpotLight", self.position, direction, target),
             half_angle=as_number("SpotLight: half_angle", half_angle, 1e-3, math.pi),
             blend=as_number("SpotLight: blend", blend, 0.0, 1.0),
         )
@@ -301,7 +318,7 @@ class RectLight(Light):
     ----------
     position : centre of the rectangle, (x, y, z) in scene units.
     width, height : edges of the rectangle, > 0.
-    direction : direction in which it shines, any length but 0.
+    direction : direction in which it shines, any length but 0. None for (0, -1, 0), straight down.
     up : direction of its height, any length but 0, not parallel to `direction`. None for y, or z if it shines along y.
     color : see `Light`.
     intensity : brightness at distance 1 from a small rectangle, >= 0.
@@ -309,10 +326,11 @@ class RectLight(Light):
     range : distance from a point of the rectangle beyond which it lights nothing; see `PointLight`.
     visible : whether camera rays, mirrors and refraction show the side that shines, with a radiance of
         pi * intensity / (width * height). It needs no node, and casts no shadow. The other side is never seen.
+    target : the point at which it shines, (x, y, z), in place of `direction`.
 
     Raises
     ------
-    SceneError : a value outside its range.
+    SceneError : a value outside its range, and `direction` together with `target`.
 
     Notes
     -----
@@ -323,9 +341,10 @@ class RectLight(Light):
     width: Expr
     height: Expr
     direction: Expr
-    up: Expr
+    up: Expr | None
     range: Expr | None
     visible: bool
+    target: Expr | None
 
     LABEL = "rectangular lights"
 
@@ -334,28 +353,36 @@ class RectLight(Light):
         position: Vec3Like,
         width: Scalar = 1.0,
         height: Scalar = 1.0,
-        direction: Vec3Like = (0.0, -1.0, 0.0),
+        direction: Vec3Like | None = None,
         up: Vec3Like | None = None,
         color: ColorLike = (1.0, 1.0, 1.0),
         intensity: Scalar = 1.0,
         shadow: bool = False,
         range: Scalar | None = None,
         visible: bool = False,
+        target: Vec3Like | None = None,
     ) -> None:
         Light.__init__(self, color, intensity, shadow, 0.0, "sampled")
+        place = as_vec3("RectLight: position", position)
         self._set(
             visible=switch("RectLight: visible", visible),
             range=optional(as_number, "RectLight: range", range, LEAST_LENGTH),
-            position=as_vec3("RectLight: position", position),
+            position=place,
             width=as_number("RectLight: width", width, low=LEAST_LENGTH),
             height=as_number("RectLight: height", height, low=LEAST_LENGTH),
-            direction=as_direction("RectLight: direction", direction),
+            **_aim("RectLight", place, direction, target),
         )
-        upright = where(abs(self.direction.y) > 0.999, const((0.0, 0.0, 1.0)), const((0.0, 1.0, 0.0)))
-        self._set(up=upright if up is None else as_direction("RectLight: up", up))
-        right = cross(self.direction, self.up)
+        self._set(up=optional(as_direction, "RectLight: up", up))
+        right = cross(self.direction, self.upright)
         if right.is_constant and float(np.linalg.norm(right.data)) < 1e-6:
             raise SceneError(f"RectLight: up = {short(up)}", legal="a direction that is not parallel to `direction`")
+
+    @property
+    def upright(self) -> Expr:
+        """The direction of its height, before it is made perpendicular to that in which it shines."""
+        if self.up is not None:
+            return self.up
+        return where(abs(self.direction.y) > 0.999, const((0.0, 0.0, 1.0)), const((0.0, 1.0, 0.0)))
 
     @property
     def reach(self) -> tuple[Expr, Expr] | None:
@@ -364,7 +391,7 @@ class RectLight(Light):
         return self.position, self.range + 0.5 * sqrt(self.width * self.width + self.height * self.height)
 
     def emitter_values(self) -> dict[str, Expr]:
-        right = normalize(cross(self.direction, self.up))
+        right = normalize(cross(self.direction, self.upright))
         across, along = self.width * right, self.height * cross(right, self.direction)
         return {
             "position": self.position,

@@ -27,6 +27,7 @@ from raymarch.scene.value import Part, Value, parameters_of
 from raymarch.sdf.definition import REGISTRY
 from raymarch.sdf.pickling import name_of
 from raymarch.shader import assemble
+from tests.support.refusals import refused
 
 NAN = float("nan")
 PICTURE = np.linspace(0, 1, 48).reshape(4, 4, 3)
@@ -152,6 +153,23 @@ def test_a_change_of_one_field_leaves_the_others() -> None:
     assert brick.replace(ior=1.3).color is brick.color and brick.replace(ior=1.3).transmits
     assert brick.replace(color=(1, 0, 0)).physical is True
     assert rm.Material(shininess=3).replace(ambient=0.4).shininess.data == 3
+
+
+@pytest.mark.parametrize("kind", [rm.SpotLight, rm.RectLight])
+def test_a_light_shines_at_its_target(kind: Any) -> None:
+    """Where it moves, it still does; a direction that is set later wins."""
+    light = kind((1, 4, 0), target=(1, 0, 3))
+    assert np.allclose(light.direction.data, (0.0, -0.8, 0.6))
+    assert np.allclose(light.replace(position=(1, 3, 3)).direction.data, (0.0, -1.0, 0.0))
+    assert np.allclose(light.replace(target=(4, 0, 0)).direction.data, (0.6, -0.8, 0.0))
+    turned = light.replace(direction=(1, 0, 0))
+    assert turned.target is None and np.allclose(turned.direction.data, (1, 0, 0))
+    for same in (light.replace(), pickle.loads(pickle.dumps(light)), dataclasses.replace(light)):
+        assert same == light and same.target is not None
+    follows = kind((0, 3, 0), target=(sin(rm.time), 0, 0))
+    assert rm.Scene(rm.sphere(), lights=[follows]).lights[0].direction.op == "normalize"
+    refused(lambda: kind((0, 3, 0), direction=(1, 0, 0), target=(1, 0, 0)), "one of them")
+    refused(lambda: kind((0, 3, 0), target=(0, 3, 0)), "not all zero")
 
 
 def test_assigning_a_quality_is_refused_and_so_no_loop_is_without_end() -> None:
