@@ -24,7 +24,9 @@ PLACED: list[dict[str, Any]] = [
 
 def corners(light: rm.RectLight) -> NDArray[np.float64]:
     """The corners of the rectangle, counterclockwise as seen from where it shines, from the arguments alone."""
-    given = {k: np.asarray(getattr(light, k).data, float) for k in ("position", "width", "height", "direction", "upright")}
+    given = {
+        k: np.asarray(getattr(light, k).data, float) for k in ("position", "width", "height", "direction", "upright")
+    }
     d = given["direction"] / np.linalg.norm(given["direction"])
     right = np.cross(d, given["upright"])
     right /= np.linalg.norm(right)
