@@ -133,6 +133,9 @@ def _fog(scene: Scene) -> Iterator[Doubt]:
         yield _doubt("Fog(height=...) has no effect without a falloff", of=scene.fog)
     if isinstance(scene.fog, Medium) and isinstance(scene.fog.density, Expr) and is_zero(scene.fog.density):
         yield _doubt("Medium(density=0) is not seen", of=scene.fog)
+    elif isinstance(scene.fog, Medium) and scene.bounces and any(m.transmits for m in scene.materials):
+        cure = "take the glass out of the way: only the ray from the camera to the first surface passes it"
+        yield _doubt("a Medium is not seen through glass", cure, scene.fog)
 
 
 def _materials(scene: Scene) -> Iterator[Doubt]:

@@ -35,6 +35,10 @@ CASES: dict[str, tuple[rm.Scene, rm.Scene]] = {
         scene(CHALK, quality=WHITTED, bounces=2),
         scene(CHALK, bounces=2),
     ),
+    "a Medium is not seen through glass": (
+        scene(GLASS, sky=rm.GradientSky(), fog=rm.Medium(1.0, ((-1, -1, -1), (1, 1, 1))), bounces=2),
+        scene(MIRROR, sky=rm.GradientSky(), fog=rm.Medium(1.0, ((-1, -1, -1), (1, 1, 1))), bounces=2),
+    ),
     "no effect with bounces = 0": (scene(MIRROR, quality=WHITTED, bounces=0), scene(MIRROR, quality=WHITTED)),
     "a mirror shows nothing but lights": (scene(MIRROR, sky=GREY), scene(MIRROR, sky=LIT)),
     "draws rough glass clear": (
