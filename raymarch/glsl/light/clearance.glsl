@@ -11,13 +11,16 @@
 #endif
 // Fields without proof of their spheres take half of the distance, or as long a step as holds nothing that would
 // count, by the steepest slope of the field.
+// The first sample lies at `first`. Where it does not prove the way from the start on free, but for a quarter of the
+// start, the ray goes back.
 // A ray that runs out of steps is extrapolated to its end. `range` becomes the part in which anything may reach into
 // the cone.
-float clearance(Ray ray, inout vec2 range, float near, float width, bool deep) {
+float clearance(Ray ray, inout vec2 range, float first, float near, float width, bool deep) {
     float least = 1.0;
     float t = range.x;
-    float z = 0.0;
-    float r = 0.0;
+    float z = max(first - t, 0.0);
+    float r = 0.25 * t;
+    bool known = false;
 #ifndef HALVED
     float slope = 0.0;
 #ifdef AHEAD
@@ -45,7 +48,7 @@ float clearance(Ray ray, inout vec2 range, float near, float width, bool deep) {
 #endif
         float radius = width * s;
 #ifndef HALVED
-        bool leapt = z > max(r, way) + abs(d) && !undone && i > 0;
+        bool leapt = z > max(r, way) + abs(d) && !undone;
         bool inside = met || (d <= max(near + GROWTH * s, 0.02 * radius) && !(leapt && deep));
 #else
         bool inside = met || d <= max(near + GROWTH * s, 0.02 * radius);
@@ -65,14 +68,14 @@ float clearance(Ray ray, inout vec2 range, float near, float width, bool deep) {
         float proven = half_chord(r, t, sine);
         float proven_here = half_chord(d, s, sine);
         float cosine = sqrt(1.0 - sine * sine);
-        if (i > 0 && !undone && max(proven, way * cosine) + proven_here < z * cosine) {
+        if (!undone && max(proven, way * cosine) + proven_here < z * cosine) {
             undone = true;
             least = least_here;
             slope = (proven_here - proven) / z;
             z = max(proven / cosine, way);
             continue;
         }
-        slope = clamp(z > 0.0 ? min((proven_here - proven) / z, undone ? slope : 1.0) : d / s, -1.0, 0.99);
+        slope = clamp(known && z > 0.0 ? min((proven_here - proven) / z, undone ? slope : 1.0) : d / s, -1.0, 0.99);
         cosine = sqrt(1.0 - width * width);
         bool clear = d >= radius && half_chord(r, t, width) + half_chord(d, s, width) >= z * cosine;
 #ifdef AHEAD
@@ -83,7 +86,8 @@ float clearance(Ray ray, inout vec2 range, float near, float width, bool deep) {
         float least_here = min(least, d / radius);
         bool clear = d >= 2.0 * radius;
 #endif
-        if (z > 0.0) rise = (d - r) / z;
+        if (known && z > 0.0) rise = (d - r) / z;
+        known = true;
         undone = false;
         least = least_here;
         t = s;

@@ -3,9 +3,10 @@
 float cone_shadow(Surface surface, Light light, float width) {
     if (dot(surface.normal, light.direction) <= 0.0 || light.radiance == vec3(0.0)) return 0.0;
     vec2 range;
-    Ray ray = shadow_ray(surface, light, range);
+    float first;
+    Ray ray = shadow_ray(surface, light, range, first);
     range = scene_cone(ray, range, width);
     width = min(width, 0.999);
     if (range.x >= range.y) return 1.0;
-    return max(clearance(ray, range, 0.5 * contact(surface.p, surface.t), width, false), 0.0);
+    return max(clearance(ray, range, first, 0.5 * contact(surface.p, surface.t), width, false), 0.0);
 }

@@ -7,10 +7,10 @@
 float hard_shadow(Surface surface, Light light) {
     if (dot(surface.normal, light.direction) <= 0.0 || light.radiance == vec3(0.0)) return 0.0;
     vec2 range;
-    Ray ray = shadow_ray(surface, light, range);
+    float start;
+    Ray ray = shadow_ray(surface, light, range, start);
     float end = range.y;
-    float start = range.x;
-    float offset = 2.0 * epsilon(surface.p, surface.t);
+    float offset = range.x;
 #ifdef ANALYTIC
     bool inside = u_side < 0.0;
     if (!inside && solved_hit(ray.origin, ray.direction, left_behind(ray.origin, surface.t)) < end) return 0.0;
@@ -18,10 +18,10 @@ float hard_shadow(Surface surface, Light light) {
 #else
     range = scene_box(ray, range);
 #endif
-    float skipped = range.x > start ? 0.0 : start - offset;  // nothing is before the box
+    float skipped = max(start - range.x, 0.0);
     float near = 0.5 * contact(surface.p, surface.t);
     float rise = clamp(dot(geometric_normal(surface), light.direction), -1.0, 0.999);
-    March at = March(range.x - skipped, 0.0, 0.0, 0.0, rise, 0.0, false, false);
+    March at = March(range.x, 0.0, 0.0, 0.0, rise, 0.0, false, false);
     float slope = 0.0;
 #ifdef STRETCH
     begin_stretch(range.y - range.x);

@@ -2,19 +2,21 @@
 // two steps intersect in a circle, on which the occluder is assumed to lie.
 // A step is longer than its sphere where nothing comes nearer. It is kept if nothing reaches into the cone in question:
 // the chords that the spheres of both samples cut from its side meet. Else a plain one replaces it, so all circles are
-// those of plain steps.
+// those of plain steps. The first step is one from the start to `first`, as in light/clearance.
 float triangulated_shadow(Surface surface, Light light, float width) {
     if (dot(surface.normal, light.direction) <= 0.0 || light.radiance == vec3(0.0)) return 0.0;
     vec2 range;
-    Ray ray = shadow_ray(surface, light, range);
+    float first;
+    Ray ray = shadow_ray(surface, light, range, first);
     range = scene_cone(ray, range, width);
     if (range.x >= range.y) return 1.0;
     width = min(width, 0.999);
     float near = 0.5 * contact(surface.p, surface.t);
     float least = 1.0;
     float t = range.x;
-    float z = 0.0;
-    float r = 0.0;
+    float z = max(first - t, 0.0);
+    float r = 0.25 * t;
+    bool known = false;
     float derivative = 0.0;
 #ifndef HALVED
     float slope = 1.0;
@@ -42,25 +44,26 @@ float triangulated_shadow(Surface surface, Light light, float width) {
         float cosine = sqrt(1.0 - sine * sine);
         float proven = half_chord(r, t, sine);
         float proven_here = half_chord(d, s, sine);
-        bool longer = z > r && i > 0;
+        bool longer = z > r;
         if (longer && max(proven, way * cosine) + proven_here < z * cosine) {
             slope = (proven_here - proven) / z;
             z = r;
             continue;
         }
-        slope = clamp(min(z > 0.0 ? (proven_here - proven) / z : d / s, longer ? 1.0 : slope), -1.0, 0.99);
+        slope = clamp(min(known && z > 0.0 ? (proven_here - proven) / z : d / s, longer ? 1.0 : slope), -1.0, 0.99);
 #else
         const bool longer = false;
 #endif
         // If the circle lies before the last sample, the occluder is not between the two samples, but beyond both.
-        float back = z > 0.0 && !longer ? 0.5 * (z + (d - r) * (d + r) / z) : 0.0;
+        float back = z > 0.0 && known && !longer ? 0.5 * (z + (d - r) * (d + r) / z) : 0.0;
         back = back > 0.0 && back < min(z, d) ? back : 0.0;
         float here = sqrt(d * d - back * back) / (width * (s - back));
 #ifndef HALVED
         bool nears = here < least;
 #endif
         least = min(least, here);
-        if (z > 0.0) derivative = (d - r) / z;
+        if (known && z > 0.0) derivative = (d - r) / z;
+        known = true;
         t = s;
         r = d;
 #ifndef HALVED

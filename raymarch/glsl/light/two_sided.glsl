@@ -14,7 +14,8 @@
 float two_sided_shadow(Surface surface, Light light, float width) {
     if (dot(surface.normal, light.direction) <= 0.0 || light.radiance == vec3(0.0)) return 0.0;
     vec2 range;
-    Ray ray = shadow_ray(surface, light, range);
+    float first;
+    Ray ray = shadow_ray(surface, light, range, first);
     range = scene_cone(ray, range, width);
     if (range.x >= range.y) return 1.0;
     width = clamp(width, 64.0 * GROWTH, 0.999);
@@ -47,7 +48,7 @@ float two_sided_shadow(Surface surface, Light light, float width) {
         ray.direction = width * (place.x * right + place.y * up);
         ray.direction += sqrt(1.0 - dot(ray.direction, ray.direction)) * axis;
         vec2 between = range;
-        float found = clearance(ray, between, 0.0, i < 7 ? width : narrow, i == 0);
+        float found = clearance(ray, between, i == 0 ? first : 0.0, 0.0, i < 7 ? width : narrow, i == 0);
         if (i > 6) {
             seen += seen_of_disc(found);
             continue;

@@ -1,9 +1,11 @@
-// The hit of a secondary ray, by the steps of the tracer from `start`; inside the solid if `side` is -1. `travelled`,
+// The hit of a secondary ray, by the steps of the tracer; inside the solid if `side` is -1. `travelled`,
 // the length of the path before it, sets the precision. A step may end on a wall that is a face of the scene's box.
-// Where another surface lies before `start`, as in a corner, the ray starts nearer, by an eighth each time.
+// The first sample lies at `start`; where it does not prove the way from the offset on empty, the ray goes back. Where
+// another surface lies before it, as in a corner, the ray starts nearer, by an eighth each time.
 Hit trace_secondary(Ray ray, float start, float travelled, float side) {
     Hit hit = no_hit(0.0);
-    vec2 range = scene_box(ray, vec2(start, 2.0 * u_far));
+    float offset = min(spawn_offset(ray.origin, travelled), start);
+    vec2 range = scene_box(ray, vec2(offset, 2.0 * u_far));
     bool inside = side * u_side < 0.0;
 #ifdef ANALYTIC
     float solved = inside ? 1.0e30 : solved_hit(ray.origin, ray.direction, left_behind(ray.origin, travelled));
@@ -17,6 +19,7 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
 #endif
     float begin = inside ? min(range.x, range.y) : range.x;  // thin glass and corners may end before `start`
     March at = March(begin, 0.0, 0.0, 0.0, -0.7, 0.0, false, false);
+    float skipped = max(min(start, range.y) - begin, 0.0);
     float slope = 0.0;
     float share = contact_share * epsilon_pixels;
 #ifdef STRETCH
@@ -32,6 +35,7 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
 #else
         float z = step_length(at, range.y);
 #endif
+        if (i == 0) z += skipped;
         if (at.t + min(z, at.r) > range.y) return hit;
         float t = at.t + z;
         vec3 p = ray.origin + t * ray.direction;
@@ -56,19 +60,21 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
         if (doubtful && !entered) continue;
 #endif
         bool near = r < nearness(p, travelled + t, share);
-        if (near && at.t == begin && at.r == 0.0 && begin > 0.001 * start) {
+        if (near && at.t == begin && at.r == 0.0 && begin > 0.001 * offset) {
             share *= 0.125;
             begin *= 0.125;
             at.t = begin;
             continue;
         }
+        float proven = i == 0 ? z - skipped + 0.25 * offset : at.r;
 #ifdef CUTS
+        if (first && i > 0) proven = z;
 #ifdef ADVANCE
-        bool empty = entered || first || z <= at.r + way_behind;
+        bool empty = entered || z <= proven + way_behind;
 #else
-        bool empty = entered || first || z <= at.r + abs(r);
+        bool empty = entered || z <= proven + abs(r);
 #endif
-        bool known = z > 0.0 && !first;
+        bool known = z > 0.0 && !first && i > 0;
         slope = entered ? at.last_derivative : known ? (r - at.r) / z : 0.0;
         bool unproven = empty && near && r >= -noise;
         if (unproven && (first || r < at.r)) {
@@ -77,11 +83,12 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
         }
 #else
 #ifdef ADVANCE
-        bool empty = z <= at.r + way_behind;
+        bool empty = z <= proven + way_behind;
 #else
-        bool empty = z <= at.r + abs(r);
+        bool empty = z <= proven + abs(r);
 #endif
-        slope = z > 0.0 ? (r - at.r) / z : 0.0;
+        bool known = z > 0.0 && i > 0;
+        slope = known ? (r - at.r) / z : 0.0;
 #endif
 #ifdef ANALYTIC
         bool met = empty && near && t + r <= solved;
@@ -98,11 +105,7 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
             hit.residual = max(r, 0.0);  // an upper bound
             return hit;
         }
-#ifdef CUTS
         move(at, empty, t, r, known ? slope : at.derivative);
-#else
-        move(at, empty, t, r, z > 0.0 ? slope : at.derivative);
-#endif
     }
     bool meets = meets_ahead(at.r, slope, range.y - at.t);
     if (meets) hit.t = at.t + at.r / -slope;
