@@ -1,21 +1,26 @@
 """Functions whose value is a choice, as branches: for devices that skip the side that is not taken.
 
 The value of a hard union at a hit is a tree of choices between its parts. Where devices execute both sides of a branch,
-each part is evaluated and the values are selected. Here the conditions are evaluated first, from values of fields
-alone, and then one part. Parts that call the same function stay together: it is called once, with chosen arguments.
+each part is evaluated and the values are selected. Here the number of the part is found first, from values of fields
+alone, and then one part is evaluated. Parts that call the same function stay together: it is called once, with chosen
+arguments.
+
+The number is chosen along the tree, the inner choices first, as the least distance is. So a compiler keeps one number
+and one distance of what is done, in place of all distances and conditions until they are read.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import groupby
 from typing import TypeAlias
 
 from raymarch.expr.choices import taken_arguments
 from raymarch.expr.function import Function
-from raymarch.expr.node import Expr, make, var
+from raymarch.expr.node import Expr, const, make, var
 from raymarch.expr.operations import FREE, operations, straight_lines
 from raymarch.expr.partials import zero
 from raymarch.expr.types import FLOAT, VEC2, VEC3
@@ -35,10 +40,7 @@ LARGEST = 0.5
 """Share of all operations from which a gradient is evaluated before the choice: its value is needed anyway."""
 
 AGAIN = 0.5
-"""Operations that the sides on a path may compute again, rather than keep, as a multiple of those of all conditions."""
-
-CHOSEN = 400
-"""Maximum number of operations of the arguments of a call that are computed again once they are chosen."""
+"""Operations that a part may compute again, rather than keep, as a multiple of those of all conditions."""
 
 READS = ("texture", "texture_in_atlas", "sample", "sample_slope", "raw_slope", "fetch")
 """Operations that read memory, or that cost unknown time."""
@@ -53,14 +55,21 @@ UNSEEN = var("u_unseen", FLOAT)
 """A number that is 0, which no compiler knows. A function of `p + UNSEEN` is evaluated again: else compilers would keep
 what all conditions computed until a part is chosen, in hundreds of registers."""
 
+NUMBER = var("number_of_part", FLOAT)
+"""The number of the chosen part, until a tree is finished."""
+
+KEPT = ("loop", "item", *READS)
+"""Operations that are not computed again."""
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Branch:
-    """`yes` where the condition holds, else `no`."""
+    """`yes` where the condition holds, else `no`. first : what is computed before, in order."""
 
     condition: Expr
     yes: Tree
     no: Tree
+    first: tuple[Expr, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -68,13 +77,14 @@ class Leaf:
     """The values of one part, or of several that are selected.
 
     known : the conditions that are known where the leaf is reached. heavy : the costly expressions that it needs, but
-    no condition. text : its operations, besides those of conditions.
+    no condition. text : its operations, besides those of conditions. parts : their numbers.
     """
 
     values: tuple[Expr, ...]
     known: Mapping[Expr, bool]
     heavy: frozenset[Expr] = frozenset()
     text: int = 0
+    parts: frozenset[int] = frozenset()
 
 
 Tree: TypeAlias = Branch | Leaf
@@ -97,7 +107,7 @@ def branched(function: Function) -> Branch | None:
     whole = _fields_first(function.body, shared)
     made = _Made(whole.args if whole.op in PARTED else (whole,))
     tree = made.apart(made.tree) if isinstance(made.tree, Branch) else made.tree
-    return _finished(tree, whole, function.params) if isinstance(tree, Branch) else None
+    return made.finished(tree, whole, function.params) if isinstance(tree, Branch) else None
 
 
 def leaves(tree: Tree) -> Iterator[Leaf]:
@@ -123,8 +133,9 @@ def conditions(tree: Tree) -> list[Expr]:
 
 
 def roots_of(tree: Tree) -> list[Expr]:
-    """The conditions and values of a tree."""
-    return [*conditions(tree), *(value for leaf in leaves(tree) for value in leaf.values)]
+    """What a tree computes first, its conditions and its values."""
+    first = tree.first if isinstance(tree, Branch) else ()
+    return [*first, *conditions(tree), *(value for leaf in leaves(tree) for value in leaf.values)]
 
 
 def _text(function: Function) -> int:
@@ -161,38 +172,68 @@ def _specialised(values: Sequence[Expr], known: Mapping[Expr, bool]) -> tuple[Ex
 
 
 class _Made:
-    """The tree of choices at the root of some values. asked : what its conditions need."""
+    """The tree of choices at the root of some values.
+
+    asked : what its conditions need. known : of each part, the conditions that are known where it is chosen. number :
+    that of the chosen part. first : the numbers in each branch, the inner ones first.
+    """
 
     def __init__(self, values: Sequence[Expr]) -> None:
-        self.count = 0
-        self.asked: set[Expr] = set()
+        self.known: list[Mapping[Expr, bool]] = []
+        self.first: list[Expr] = []
         tree = self._grown(tuple(values), {})
-        self.asked = set(topological(conditions(tree)))
+        self.conditions = set(conditions(tree))
+        self.asked = set(topological(self.conditions))
         self.text = sum(map(_cost, self.asked))
-        self.tree = self._weighed(tree) if self.count < MOST else Leaf(tuple(values), {})
+        self.number = self._numbered(tree)
+        self.tree = self._weighed(tree) if len(self.known) < MOST else Leaf(tuple(values), {})
 
     def _grown(self, values: tuple[Expr, ...], known: dict[Expr, bool]) -> Tree:
         chosen = tuple(_chosen(value, known) for value in values)
         condition = next((value.args[0] for value in chosen if value.op == "where"), None)
-        if condition is None or self.count >= MOST:
-            self.count += 1
-            return Leaf(chosen, known)
+        if condition is None or len(self.known) >= MOST:
+            self.known.append(known)
+            return Leaf(chosen, known, parts=frozenset([len(self.known) - 1]))
         yes, no = (self._grown(chosen, {**known, condition: side}) for side in (True, False))
         return Branch(condition, yes, no)
 
+    def _numbered(self, tree: Tree) -> Expr:
+        """The number of the part that is chosen in a tree."""
+        if isinstance(tree, Leaf):
+            return const(float(min(tree.parts)))
+        self.first.append(where(tree.condition, self._numbered(tree.yes), self._numbered(tree.no)))
+        return self.first[-1]
+
     def _weighed(self, tree: Tree) -> Tree:
         if isinstance(tree, Branch):
-            return Branch(tree.condition, self._weighed(tree.yes), self._weighed(tree.no))
-        return self._leaf(tree.values, tree.known)
+            return self._branch(self._weighed(tree.yes), self._weighed(tree.no))
+        return self._leaf(tree.values, tree.known, tree.parts)
 
-    def _leaf(self, values: tuple[Expr, ...], known: Mapping[Expr, bool]) -> Leaf:
+    def _branch(self, yes: Tree, no: Tree) -> Branch:
+        return Branch(self._among(_parts(yes), _parts(no)), yes, no)
+
+    def _among(self, these: Set[int], others: Set[int]) -> Expr:
+        """Whether the chosen part is one of these, rather than one of the others."""
+        order = sorted(these | others)
+        runs = [list(run) for mine, run in groupby(order, these.__contains__) if mine]
+        found = None
+        for run in runs:
+            above = None if run[0] == order[0] else run[0] - 0.5 < NUMBER
+            below = None if run[-1] == order[-1] else run[-1] + 0.5 > NUMBER
+            inside = below if above is None else above if below is None else above & below
+            assert inside is not None
+            found = inside if found is None else found | inside
+        assert found is not None
+        return found
+
+    def _leaf(self, values: tuple[Expr, ...], known: Mapping[Expr, bool], parts: frozenset[int]) -> Leaf:
         def arguments(node: Expr) -> tuple[Expr, ...]:
             return () if node in self.asked else taken_arguments(known, node)
 
         needed = [node for node in topological(values, arguments) if node not in self.asked]
         costs = {node: _cost(node) for node in needed}
         heavy = frozenset(node for node, cost in costs.items() if _is_heavy(node, cost))
-        return Leaf(values, known, heavy, sum(costs.values()))
+        return Leaf(values, known, heavy, sum(costs.values()), parts)
 
     def selected(self, tree: Tree) -> Leaf:
         """The tree as a leaf whose values are selected."""
@@ -200,7 +241,7 @@ class _Made:
             return tree
         yes, no = self.selected(tree.yes), self.selected(tree.no)
         values = tuple(where(tree.condition, a, b) for a, b in zip(yes.values, no.values, strict=True))
-        return self._leaf(values, dict(yes.known.items() & no.known.items()))
+        return self._leaf(values, dict(yes.known.items() & no.known.items()), yes.parts | no.parts)
 
     def apart(self, tree: Tree) -> Tree:
         """The tree with branches where the sides need different expressions, and selections elsewhere."""
@@ -208,17 +249,27 @@ class _Made:
             return tree
         sides = [frozenset[Expr]().union(*(leaf.heavy for leaf in leaves(side))) for side in (tree.yes, tree.no)]
         if not sides[0] & sides[1]:
-            return self._worth(Branch(tree.condition, self.apart(tree.yes), self.apart(tree.no)))
-        parts = _components(tree)
-        if len(parts) == 1:
+            return self._worth(self._branch(self.apart(tree.yes), self.apart(tree.no)))
+        components = _components(tree)
+        if len(components) == 1:
             return self.selected(tree)
-        *others, last = parts
-        found = self.apart(_restricted(tree, last))
-        for part in reversed(others):
-            condition = _condition(tree, part)
-            assert isinstance(condition, Expr)
-            found = self._worth(Branch(condition, self.apart(_restricted(tree, part)), found))
+        *others, last = components
+        found = self.apart(self._restricted(tree, last))
+        for component in reversed(others):
+            found = self._worth(self._branch(self.apart(self._restricted(tree, component)), found))
         return found
+
+    def _restricted(self, tree: Tree, component: set[Leaf]) -> Tree:
+        """The tree where only some leaves are reached."""
+        found = self._pruned(tree, component)
+        assert found is not None
+        return found
+
+    def _pruned(self, tree: Tree, component: set[Leaf]) -> Tree | None:
+        if isinstance(tree, Leaf):
+            return tree if tree in component else None
+        yes, no = self._pruned(tree.yes, component), self._pruned(tree.no, component)
+        return no if yes is None else yes if no is None else self._branch(yes, no)
 
     def _worth(self, tree: Branch) -> Tree:
         together = self.selected(tree)
@@ -227,6 +278,57 @@ class _Made:
         least = max(WORTH, SHARE * (self.text + together.text))
         spares = together.text - longest >= least and sum(sides) <= TWICE * together.text
         return tree if spares else together
+
+    def finished(self, tree: Branch, whole: Expr, params: Sequence[Expr]) -> Branch:
+        """The same tree, with the value of the whole in each leaf.
+
+        Leaves compute again what they need of the conditions, where it is little, at a point that compilers do not know
+        to be the same: so it need not be kept. The conditions themselves are not computed again: they would differ.
+        """
+        moved = {p: p + UNSEEN for p in params if p.type in (VEC2, VEC3)}
+
+        def finish(node: Tree) -> Tree:
+            if isinstance(node, Branch):
+                (condition,) = substitute([node.condition], {NUMBER: self.number})
+                return Branch(condition, finish(node.yes), finish(node.no))
+            values = _specialised(node.values, node.known)
+            value = rebuild(whole, values) if whole.op in PARTED else values[0]
+            return Leaf((self._moved(value, node.parts, moved),), node.known, node.heavy, parts=node.parts)
+
+        made = finish(tree)
+        assert isinstance(made, Branch)
+        return replace(made, first=tuple(self.first))
+
+    def _moved(self, value: Expr, parts: Set[int], moved: Mapping[Expr, Expr]) -> Expr:
+        """A value with conditions told by the number of the part, and the rest computed again, if it is little."""
+        told = self._told(value, parts)
+        kept = {node.args[0] for node in topological([value]) if node.op == "where"} & self.asked
+        now: dict[Expr, Expr] = {**{node: node for node in kept}, **told}
+        needed = topological([value], lambda node: () if node in now else node.args)
+        both = [node for node in needed if node in self.asked and node not in now]
+        again = math.inf if any(node.op in KEPT for node in both) else sum(map(_cost, both))
+        if again <= AGAIN * self.text:
+            now |= moved
+        return substitute(substitute([value], now), {NUMBER: self.number})[0]
+
+    def _told(self, value: Expr, parts: Set[int]) -> dict[Expr, Expr]:
+        """The conditions in a value that the number of the part tells, for all parts that read them."""
+        unknown: set[Expr] = set()
+        for part in parts:
+            known = self.known[part]
+            read = topological([value], partial(taken_arguments, known))
+            unknown.update(node.args[0] for node in read if node.op == "where" and node.args[0] not in known)
+        told = {}
+        for condition in self.conditions - unknown:
+            yes, no = ({part for part in parts if self.known[part].get(condition) is side} for side in (True, False))
+            if yes and no:
+                told[condition] = self._among(yes, no)
+        return told
+
+
+def _parts(tree: Tree) -> frozenset[int]:
+    """The numbers of the parts of a tree."""
+    return frozenset[int]().union(*(leaf.parts for leaf in leaves(tree)))
 
 
 def _chosen(value: Expr, known: Mapping[Expr, bool]) -> Expr:
@@ -262,99 +364,3 @@ def _components(tree: Tree) -> list[set[Leaf]]:
             joined = (joined[0] | other[0], joined[1] | other[1])
         parts.append(joined)
     return [found for found, _ in parts] + ([light] if light else [])
-
-
-def _restricted(tree: Tree, part: set[Leaf]) -> Tree:
-    """The tree where only some leaves are reached."""
-    found = _pruned(tree, part)
-    assert found is not None
-    return found
-
-
-def _pruned(tree: Tree, part: set[Leaf]) -> Tree | None:
-    if isinstance(tree, Leaf):
-        return tree if tree in part else None
-    yes, no = _pruned(tree.yes, part), _pruned(tree.no, part)
-    return no if yes is None else yes if no is None else Branch(tree.condition, yes, no)
-
-
-def _condition(tree: Tree, part: set[Leaf]) -> Expr | bool:
-    """The condition under which some leaves are reached."""
-    if isinstance(tree, Leaf):
-        return tree in part
-    yes, no, c = _condition(tree.yes, part), _condition(tree.no, part), tree.condition
-    if isinstance(yes, bool) and isinstance(no, bool):
-        return yes if yes == no else c if yes else ~c
-    if isinstance(no, bool):
-        return ~c | yes if no else c & yes
-    if isinstance(yes, bool):
-        return c | no if yes else ~c & no
-    return (c & yes) | (~c & no)
-
-
-class _Finished:
-    """The same tree, with the value of the whole in each leaf.
-
-    Sides compute again what they need of the conditions above, where it is little, at a point that compilers do not
-    know to be the same: so it need not be kept. The conditions themselves are not computed again: they would differ.
-    """
-
-    def __init__(self, tree: Tree, whole: Expr, params: Sequence[Expr]) -> None:
-        self.whole = whole
-        self.atoms = {node.args[0] for node in topological(roots_of(tree)) if node.op == "where"} | set(
-            conditions(tree)
-        )
-        self.points = [p for p in params if p.type in (VEC2, VEC3)]
-
-    def tree(self, node: Tree) -> Tree:
-        """The tree with the values of leaves where the conditions of their paths are known."""
-        if isinstance(node, Branch):
-            return Branch(node.condition, self.tree(node.yes), self.tree(node.no))
-        values = _specialised(node.values, node.known)
-        return Leaf((rebuild(self.whole, values) if self.whole.op in PARTED else values[0],), node.known, node.heavy)
-
-    def seen(self, node: Tree, now: Mapping[Expr, Expr], above: Set[Expr], budget: float) -> Tree:
-        """The tree with expressions replaced. now : what replaces each. above : what is computed before it.
-        budget : operations that may be computed again."""
-        if isinstance(node, Leaf):
-            return self._leaf(node, now)
-        here = set(topological([node.condition]))
-        known = {**now, **{atom: substitute([atom], now)[0] for atom in self.atoms & here}}
-        sides = []
-        for side in (node.yes, node.no):
-            cost = self._again(side, known.keys() - self.points, above | here)
-            moved, left = (self._moved(known), budget - cost) if cost <= budget else (known, budget)
-            sides.append(self.seen(side, moved, set() if cost <= budget else above | here, left))
-        return Branch(substitute([node.condition], now)[0], *sides)
-
-    def _moved(self, now: Mapping[Expr, Expr]) -> dict[Expr, Expr]:
-        return {**now, **{p: now.get(p, p) + UNSEEN for p in self.points}}
-
-    def _again(self, side: Tree, kept: Set[Expr], above: Set[Expr]) -> float:
-        """Operations that a side would compute again of the conditions above; infinite if they are not arithmetic."""
-        needed = topological(roots_of(side), lambda node: () if node in kept else node.args)
-        both = [node for node in needed if node in above and node not in kept]
-        if any(node.op in ("loop", "item", *READS) for node in both):
-            return math.inf
-        return sum(map(_cost, both))
-
-    def _leaf(self, leaf: Leaf, now: Mapping[Expr, Expr]) -> Leaf:
-        """The leaf, where calls of chosen arguments compute these again."""
-        order = topological(leaf.values)
-        asked = {node.args[0]: substitute([node.args[0]], now)[0] for node in order if node.op == "where"}
-        moved, calls = {**self._moved(now), **asked}, dict[Expr, Expr]()
-        for node in order:
-            merged = node in leaf.heavy and node.op == "call" and find(node.args, "where")
-            if merged and not find(node.args, "loop", *READS) and operations(node.args) <= CHOSEN:
-                calls[node] = make("call", node.type, tuple(substitute(node.args, moved)), node.data)
-        return Leaf(tuple(substitute(leaf.values, {**now, **calls})), leaf.known)
-
-
-def _finished(tree: Branch, whole: Expr, params: Sequence[Expr]) -> Branch:
-    """The tree with the value of the whole in each leaf; see `_Finished`."""
-    made = _Finished(tree, whole, params)
-    start = made.tree(tree)
-    budget = AGAIN * sum(map(_cost, topological(conditions(tree))))
-    found = made.seen(start, {}, set(), budget)
-    assert isinstance(found, Branch)
-    return found

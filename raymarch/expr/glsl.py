@@ -239,6 +239,10 @@ class FunctionPrinter:
         """Print what returns the value of a tree."""
         while isinstance(tree, Branch):
             after = [*roots_of(tree.yes), *roots_of(tree.no)]
+            for k, value in enumerate(tree.first):
+                read = [*tree.first[k + 1 :], tree.condition, *after]
+                self.wanted[value] = "chosen"
+                self.emit([value], lambda _i, _piece: None, read)  # what is read later gets a name
             self.emit([tree.condition], partial(self._begin_if, tree.condition), after)
             self.indent += 1
             outside = dict(self.names)
