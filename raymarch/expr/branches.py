@@ -64,12 +64,16 @@ KEPT = ("loop", "item", *READS)
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Branch:
-    """`yes` where the condition holds, else `no`. first : what is computed before, in order."""
+    """`yes` where the condition holds, else `no`.
+
+    first : what is computed before, in order. values : the chosen values, as selections; () if they are not known.
+    """
 
     condition: Expr
     yes: Tree
     no: Tree
     first: tuple[Expr, ...] = ()
+    values: tuple[Expr, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -195,7 +199,7 @@ class _Made:
             self.known.append(known)
             return Leaf(chosen, known, parts=frozenset([len(self.known) - 1]))
         yes, no = (self._grown(chosen, {**known, condition: side}) for side in (True, False))
-        return Branch(condition, yes, no)
+        return Branch(condition, yes, no, values=chosen)
 
     def _numbered(self, tree: Tree) -> Expr:
         """The number of the part that is chosen in a tree."""
@@ -206,7 +210,7 @@ class _Made:
 
     def _weighed(self, tree: Tree) -> Tree:
         if isinstance(tree, Branch):
-            return self._branch(self._weighed(tree.yes), self._weighed(tree.no))
+            return replace(self._branch(self._weighed(tree.yes), self._weighed(tree.no)), values=tree.values)
         return self._leaf(tree.values, tree.known, tree.parts)
 
     def _branch(self, yes: Tree, no: Tree) -> Branch:
@@ -240,7 +244,8 @@ class _Made:
         if isinstance(tree, Leaf):
             return tree
         yes, no = self.selected(tree.yes), self.selected(tree.no)
-        values = tuple(where(tree.condition, a, b) for a, b in zip(yes.values, no.values, strict=True))
+        selections = tuple(where(tree.condition, a, b) for a, b in zip(yes.values, no.values, strict=True))
+        values = tree.values or selections
         return self._leaf(values, dict(yes.known.items() & no.known.items()), yes.parts | no.parts)
 
     def apart(self, tree: Tree) -> Tree:
@@ -307,9 +312,42 @@ class _Made:
         needed = topological([value], lambda node: () if node in now else node.args)
         both = [node for node in needed if node in self.asked and node not in now]
         again = math.inf if any(node.op in KEPT for node in both) else sum(map(_cost, both))
-        if again <= AGAIN * self.text:
-            now |= moved
-        return substitute(substitute([value], now), {NUMBER: self.number})[0]
+        now |= moved if again <= AGAIN * self.text else {node: node for node in self.asked - told.keys()}
+        chosen = self._selected_by_number(value, sorted(parts), told, now)
+        return substitute([chosen], {NUMBER: self.number})[0]
+
+    def _selected_by_number(
+        self, value: Expr, parts: Sequence[int], told: Mapping[Expr, Expr], now: Mapping[Expr, Expr]
+    ) -> Expr:
+        """A value whose choices by conditions that the number tells are choices by the number, as shallow as they can
+        be. now : what replaces other expressions."""
+
+        def taken(node: Expr) -> dict[int, Expr]:
+            """The value of a choice for each part that reads it."""
+            found = {}
+            for part in parts:
+                known, side = self.known[part], node
+                while side not in now and side.op == "where" and side.args[0] in told and side.args[0] in known:
+                    side = side.args[1 if known[side.args[0]] else 2]
+                if side is not node:
+                    found[part] = side
+            return found
+
+        def arguments(node: Expr) -> tuple[Expr, ...]:
+            if node in now:
+                return ()
+            chosen = node.op == "where" and node.args[0] in told
+            return tuple(dict.fromkeys(taken(node).values())) if chosen else node.args
+
+        new: dict[Expr, Expr] = {}
+        for node in topological([value], arguments):
+            if node in now:
+                new[node] = now[node]
+            elif node.op == "where" and node.args[0] in told:
+                new[node] = _by_number([(part, new[side]) for part, side in taken(node).items()])
+            else:
+                new[node] = rebuild(node, tuple(new[arg] for arg in node.args))
+        return new[value]
 
     def _told(self, value: Expr, parts: Set[int]) -> dict[Expr, Expr]:
         """The conditions in a value that the number of the part tells, for all parts that read them."""
@@ -324,6 +362,15 @@ class _Made:
             if yes and no:
                 told[condition] = self._among(yes, no)
         return told
+
+
+def _by_number(choices: Sequence[tuple[int, Expr]]) -> Expr:
+    """The value of the chosen part, from those of all parts in order."""
+    runs = [(part, value) for k, (part, value) in enumerate(choices) if k == 0 or value is not choices[k - 1][1]]
+    if len(runs) == 1:
+        return runs[0][1]
+    middle = len(runs) // 2
+    return where(runs[middle][0] - 0.5 > NUMBER, _by_number(runs[:middle]), _by_number(runs[middle:]))
 
 
 def _parts(tree: Tree) -> frozenset[int]:

@@ -103,6 +103,8 @@ class Text:
     """Pictures that are parts of an atlas, by name."""
     trees: Mapping[Function, Branch] = field(default_factory=dict)
     """The functions that return from branches; see `raymarch.expr.branches`."""
+    rolled: bool = False
+    """True if loops that may end early are not to be unrolled: into branches as deep as they have turns."""
 
     def lines(self) -> list[Line]:
         """Helpers and functions, with an empty line between them."""
@@ -138,7 +140,7 @@ def print_functions(
             names[definition] = wanted if definition in roots else identifier(wanted, occupied, numbers)
             occupied.add(names[definition])
     text = Text(names, [], {}, uniforms, bool(find(expressions, "time")), for_web=for_web, constants=constants)
-    text.dialect, text.places, text.trees = dialect or text.dialect, places, trees or {}
+    text.dialect, text.places, text.trees, text.rolled = dialect or text.dialect, places, trees or {}, branches
     text.uniform_names = {leaf: name for name, leaf in uniforms.items()}
     for definition in order:
         text.functions.append(FunctionPrinter(definition, text, occupied).run())
@@ -237,12 +239,11 @@ class FunctionPrinter:
 
     def _return(self, tree: Tree) -> None:
         """Print what returns the value of a tree."""
+        for k, value in enumerate(tree.first if isinstance(tree, Branch) else ()):
+            self.wanted[value] = "chosen"
+            self.emit([value], lambda _i, _piece: None, roots_of(tree)[k + 1 :])  # what is read later gets a name
         while isinstance(tree, Branch):
             after = [*roots_of(tree.yes), *roots_of(tree.no)]
-            for k, value in enumerate(tree.first):
-                read = [*tree.first[k + 1 :], tree.condition, *after]
-                self.wanted[value] = "chosen"
-                self.emit([value], lambda _i, _piece: None, read)  # what is read later gets a name
             self.emit([tree.condition], partial(self._begin_if, tree.condition), after)
             self.indent += 1
             outside = dict(self.names)
@@ -383,7 +384,7 @@ class FunctionPrinter:
         counter = self._name("i")
         self.names[opened.index] = self.text.dialect.number(counter)
         most = node.data.count
-        kept = node.data.kept and most < TURNS
+        kept = most < TURNS and (node.data.kept or (self.text.rolled and opened.until is not None))
         self.lines.append(Line("    " * self.indent + self.text.dialect.loop(counter, TURNS if kept else most), node))
         self.indent += 1
         if kept:
