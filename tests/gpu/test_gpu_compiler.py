@@ -20,6 +20,8 @@ LIMITS = {
     "village": (8, 47.0),
     "papers/glass": (10, 17.5),
     "papers/ray_tree": (8, 19.0),
+    "primitives": (18, 20.5),
+    "large/costly": (8, 25.0),
     "large/forest": (16, 13.0),
     "large/molecule": (16, 11.0),
 }
