@@ -236,6 +236,17 @@ def test_holes_and_slots_in_a_thin_plate_leave_their_part_of_the_disc(
     np.testing.assert_allclose(seen, wanted, atol=slack)
 
 
+@pytest.mark.parametrize("half", [0.1, 0.2, 0.3])
+@pytest.mark.parametrize("aside", [0.0, 0.3, 0.6])
+def test_rods_that_are_thinner_than_the_disc_take_their_part_of_it(egl: Context, half: float, aside: float) -> None:
+    """Round rods, of a half width and at a distance from the middle in units of the disc's radius."""
+    rod = f"length(vec2({np.cos(0.26)} * p.x + {np.sin(0.26)} * p.y - {0.2 * aside}, p.z - 2.0)) - {0.2 * half}"
+    seen, _ = shadows(egl, "light/two_sided", f"min(p.z, {rod})", UP, width=0.1)
+    x = np.clip([aside - half, aside + half], -1.0, 1.0)
+    wanted = 1.0 - np.ptp(x * np.sqrt(1.0 - x * x) + np.arcsin(x)) / np.pi
+    np.testing.assert_allclose(seen, wanted, atol=0.06)
+
+
 def test_a_ray_along_an_edge_comes_to_what_is_beyond(egl: Context) -> None:
     """The field is 0 all along the edge; steps of its value would stay there."""
     seen, _ = shadows(egl, "light/two_sided", "min(p.x, 1.0 - p.z)", UP, far=16.0, width=0.8)

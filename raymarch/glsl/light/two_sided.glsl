@@ -69,7 +69,7 @@ float two_sided_shadow(Surface surface, Light light, float width) {
     float opposite = around[1] * around[4] + around[2] * around[5] + around[3] * around[6];
     expected = clamp(expected, 0.01, 0.99);
     float odds = clamp(edge * (1.0 - expected) / (expected * (1.0 - edge)), 0.3, 6.0);
-    odds = exp(mix(1.15 + 0.6 * opposite, log(odds), smoothstep(0.0, 0.1 + 0.8 * sum, sided)));
+    odds = exp(mix(1.15 + 1.2 * opposite, log(odds), smoothstep(0.0, 0.1 + 0.85 * sum, sided)));
     float visible = odds * counted / (1.0 + (odds - 1.0) * counted);
     if (middle > 0.0) visible = max(visible, 2.0 * edge - 1.0);
     visible = mix(visible, edge, smoothstep(0.5, 0.9, abs(middle)));
