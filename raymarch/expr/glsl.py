@@ -240,7 +240,7 @@ class FunctionPrinter:
     def _return(self, tree: Tree) -> None:
         """Print what returns the value of a tree."""
         for k, value in enumerate(tree.first if isinstance(tree, Branch) else ()):
-            self.wanted[value] = "chosen"
+            self.wanted[value] = "part"
             self.emit([value], lambda _i, _piece: None, roots_of(tree)[k + 1 :])  # what is read later gets a name
         while isinstance(tree, Branch):
             after = [*roots_of(tree.yes), *roots_of(tree.no)]

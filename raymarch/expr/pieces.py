@@ -156,7 +156,7 @@ packed row_major column_major sizeof demote subpass
 main texture textureLod textureSize texelFetch atan2 arc_sine arc_cosine unit radians degrees sin cos tan asin acos
 atan sinh cosh tanh interpolated cell_hash pcg is_finite constant_number
 constant_numbers_0 constant_numbers_1 constant_numbers_2 constant_numbers_3
-filtered filtered_mirrored filtered_in_atlas atlas_level atlas_texel texel1 texel2 texel4
+chosen filtered filtered_mirrored filtered_in_atlas atlas_level atlas_texel texel1 texel2 texel4
 pow exp log exp2 log2 sqrt inversesqrt abs sign floor ceil trunc round fract mod modf min max clamp mix step
 smoothstep isnan isinf length distance dot cross normalize reflect refract transpose inverse determinant any all
 not lessThan greaterThan equal dFdx dFdy fwidth uint field asinh acosh atanh roundEven faceforward outerProduct
