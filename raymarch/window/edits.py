@@ -36,8 +36,13 @@ UNSET: Mapping[str, Any] = {
     "shadow_radius": 10.0,
     "attenuation": (1.0, 0.0, 1.0),
     "up": (0.0, 1.0, 0.1),
+    "direction": (0.0, -1.0, 0.0),
+    "target": (0.0, 0.0, 0.0),
 }
 """Values that a light may lack, and what they start with when they are set."""
+
+AIMS = frozenset(("direction", "target"))
+"""Values of which a light has one."""
 
 LIGHT_RANGES: Mapping[str, Range] = {
     **dict.fromkeys(("color", "intensity", "attenuation"), (0.0, None)),
@@ -107,10 +112,12 @@ class LightEdit:
         return [n for n, v in self.values.items() if n not in OPTIONS and not (n in UNSET and _is_unset(v))]
 
     def with_value(self, name: str, value: Any) -> LightEdit:
-        """The light with another value. A softness, and the radius of a light that shines as a point, need a shadow."""
+        """The light with another value. A softness, and the radius of a light that shines as a point, need a shadow. A
+        light has a direction or a target."""
         soft = name == "softness" or (name == "radius" and self.kind != "SphereLight")
-        shadow = {"shadow": True} if soft else {}
-        return replace(self, values={**self.values, name: value, **shadow})
+        others: dict[str, Any] = {"shadow": True} if soft else {}
+        others |= {other: None for other in AIMS - {name} if name in AIMS and other in self.values}
+        return replace(self, values={**self.values, name: value, **others})
 
     def light(self) -> Light:
         """The light with parameters for its numbers."""

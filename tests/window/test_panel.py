@@ -136,17 +136,22 @@ def test_every_field_of_a_light(shown: Shown) -> None:
     shown.click("add RectLight")
     carried_out(model)
     shown.frame(2)
+    for name in ("set up 3", "set target 3", "set direction 3", "set target 3"):
+        shown.click(name)
+        carried_out(model)
+        shown.frame(2)
     shown.drag("light 3 up", -20, -60)
+    shown.drag("light 3 target", -20, -60)
     point, rect = model.state.scene.lights[1:]
     assert isinstance(point, rm.PointLight) and point.shadow and point.soft and point.penumbra == "cone"
-    assert None not in (point.range, point.shadow_radius, point.attenuation, rect.up)
+    assert None not in (point.range, point.shadow_radius, point.attenuation, rect.up, rect.target)
     do.copy_edits(model)
     names: dict[str, Any] = {"rm": rm, "scene": model.state.base}
     exec(model.requests.pop().text, names)  # type: ignore[union-attr]
     values = model.state.values
     for made, seen in zip(names["scene"].lights, model.state.scene.lights, strict=True):
         for name, value in made.arguments().items():
-            same = getattr(seen, name)
+            same = seen.arguments()[name]
             assert value == same or np.allclose(values.of(value), values.of(same), atol=1e-5), name
     shown.frame(2)
     shown.click("remove 3")
