@@ -132,11 +132,11 @@ def held(
         lower, upper = node.bounds[0] - reach, node.bounds[1] + reach
         found = over(lower, upper)
         if finite(found) and grown_by(found[0]) <= reach:
-            return _held_outside(function, lower, upper), *found
+            return held_outside(function, lower, upper), *found
     what = f"{name}: amplitude and slope of the function over {node.name} have no limit"
     raise SceneError(what, legal="amplitude and lipschitz as numbers")
 
 
-def _held_outside(function: Function, lower: Any, upper: Any) -> Function:
+def held_outside(function: Function, lower: Any, upper: Any) -> Function:
     """The function evaluated at the nearest point of a box."""
     return trace(f"{function.name}_held", lambda p: function(clamp(p, lower, upper)), [("p", VEC3)])

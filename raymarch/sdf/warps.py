@@ -24,7 +24,7 @@ from raymarch.expr.vocabulary import clamp, sin
 from raymarch.sdf.definition import Child, operator
 from raymarch.sdf.domain import Domain, Scalar, Vec3, as_length
 from raymarch.sdf.facts import FARTHEST
-from raymarch.sdf.limits import LARGEST, limits, refuse_jumps, traced
+from raymarch.sdf.limits import LARGEST, held_outside, limits, refuse_jumps, traced
 from raymarch.sdf.node import Node, method, solid
 from raymarch.sdf.noise import OfPoint
 
@@ -88,13 +88,13 @@ def warp(
     if amplitude is not None:
         made = _clamped(made, amplitude)
     box, inner = _whole_box(node, made), _held_box(node, made)
-    free = _steepest(made) if lipschitz is None else lipschitz
-    within = np.inf if inner is None else _steepest(made, inner)
+    free: Scalar = _steepest(made) if lipschitz is None else lipschitz
+    within: Scalar = lipschitz if lipschitz is not None else np.inf if inner is None else _steepest(made, inner)
     if box is not None and (lipschitz is not None or free <= SHARPER * within):
         return warped(node, made, *_between(made, box), free)
     if inner is not None and (lipschitz is not None or within < LARGEST):
-        held = trace(f"{made.name}_held", lambda p: made(clamp(p, *inner)), [("p", VEC3)])
-        return warped(node, held, *_between(made, inner), within if lipschitz is None else lipschitz)
+        held = held_outside(made, *inner)
+        return warped(node, held, *_between(made, inner), within)
     what = f"warp: what the function moves {node.name} by, or how it stretches space, has no limit"
     cure = "amplitude and lipschitz as numbers"
     raise SceneError(what, legal=cure if node.facts.bounded else f"a bounded solid, as `node & box(...)`; or {cure}")
