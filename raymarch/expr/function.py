@@ -143,8 +143,11 @@ def _function(name: str, params: Any, body: Any, names: Any, where: Location | N
 def trace(
     name: str, definition: Callable[..., Any], params: Sequence[tuple[str, Type]], code: CodeType | None = None
 ) -> Function:
-    """Run a Python definition once on symbolic parameters. code : of its line; by default the definition's own."""
-    return Function(name, *_trace(name, definition, params, code or definition.__code__))
+    """Run a Python definition once on symbolic parameters; the existing function if it is equal to one.
+
+    code : of its line; by default the definition's own.
+    """
+    return unique_function(name, *_trace(name, definition, params, code or definition.__code__))
 
 
 def _trace(

@@ -48,6 +48,9 @@ FORMS = 12
 DEEPEST = 200
 """Maximum number of operators above a union that becomes data."""
 
+CHANGING = frozenset(("param", "time"))
+"""Operations whose values change without a new plan."""
+
 SHORT = 200
 """Maximum number of operations in a parameter of an object that is a row."""
 
@@ -92,7 +95,7 @@ class Gatherer:
         self.live: set[int] = set()  # forms that depend on parameters or time
         self.forms: dict[Any, int] = {}
         self.known: dict[int, Signature | None] = {}
-        self.plain: dict[Any, bool] = {}
+        self.plain: dict[Any, set[str]] = {}  # operations of bodies that not every row may have
         self.materials: dict[int, bool] = {}
         self.kept: list[Node] = []  # alive, because they are identified by their ids
 
@@ -312,8 +315,9 @@ class Gatherer:
         key = (node.definition, len(node.children), tuple(statics))
         if key not in self.plain:
             body = node.definition.template(len(node.children), node.params).body
-            self.plain[key] = not find([body], "param", "time", "cell", "raw", "raw_slope")
-        if not self.plain[key]:
+            self.plain[key] = {e.op for e in find([body], *CHANGING, "cell", "raw", "raw_slope")}
+        changes = not self.plain[key].isdisjoint(CHANGING)  # as functions of users that read time do
+        if not self.plain[key] <= CHANGING or (changes and not self.allowed):
             return None
         steep = node.facts.divisor > 1.0
         if steep:
@@ -326,7 +330,7 @@ class Gatherer:
         form = (key, steep, label, tuple(s[0] for s in below))
         number = self.forms.setdefault(form, len(self.forms))
         constant = all(v.is_constant for v in node.params.values() if isinstance(v, Expr))
-        if not constant or any(s[0] in self.live for s in below):
+        if changes or not constant or any(s[0] in self.live for s in below):
             self.live.add(number)
         return number, sum((s[1] for s in below), tuple(own)), sum((s[2] for s in below), slots)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from weakref import WeakSet
 
 import numpy as np
 
@@ -155,6 +156,10 @@ class PointLight(Light):
         return DirectionSample(to_light / distance, distance, falloff * values["radiance"])
 
 
+_aimed: WeakSet[Expr] = WeakSet()
+"""The directions that follow from targets: `dataclasses.replace` passes both."""
+
+
 def _aim(name: str, position: Expr, direction: Vec3Like | None, target: Vec3Like | None) -> dict[str, Expr | None]:
     """The direction of a light that is given by it or by a point, and that point."""
     if target is None:
@@ -163,10 +168,12 @@ def _aim(name: str, position: Expr, direction: Vec3Like | None, target: Vec3Like
             "direction": as_direction(f"{name}: direction", down if direction is None else direction),
             "target": None,
         }
-    if direction is not None and not isinstance(direction, Expr):  # `dataclasses.replace` passes both
+    if direction is not None and not (isinstance(direction, Expr) and direction in _aimed):
         raise SceneError(f"{name}: direction together with target", legal="one of them; both say where it shines")
     at = as_vec3(f"{name}: target", target)
-    return {"direction": as_direction(f"{name}: target - position", at - position), "target": at}
+    found = as_direction(f"{name}: target - position", at - position)
+    _aimed.add(found)
+    return {"direction": found, "target": at}
 
 
 @value

@@ -226,7 +226,6 @@ def _density(given: Any) -> Expr | Function:
 
     code = getattr(given, "__code__", of_point.__code__)
     made = trace("medium_density", of_point, [("p", VEC3)], code)
-    made = unique_function(made.name, made.params, made.body, {}, made.where)
     if made.type is not FLOAT:
         raise SceneError(f"Medium: the density gives a {made.type}", legal=DENSITY, where=made.where)
     if set(free_variables([made.body])) - {*made.params}:

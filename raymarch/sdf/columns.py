@@ -47,7 +47,7 @@ class Columns:
         self.live = tuple(find(roots, "param", "time"))
         """The parameters and time, on which some columns depend."""
         fixed = _invariant(roots, self.point, [*form.leaves, *self.live])
-        changing = depends_on(fixed, self.live)
+        changing = {e for e in fixed if self.live and find([e], "param", "time")}  # also inside of functions
         self.known: dict[Expr, Expr] = {}
         made: list[Expr] = []
         kept: list[Expr] = []

@@ -508,3 +508,39 @@ def test_a_grid_reserves_what_a_blend_lowers_the_field_by_and_more_beside_a_plan
     lowers = 0.25 * 0.2 * 3
     assert alone.less == REACH["quadratic"] * 0.2 + lowers
     assert beside.less == REACH["quadratic"] * 0.2 + 2 * 0.25 * 0.2 * 4
+
+
+def sway(p):
+    return rm.vec3(0.1 * rm.sin(3.0 * p.y + rm.time), 0.0, 0.0)
+
+
+CHANGING = {
+    "warp": lambda node: node.warp(sway),
+    "warp by a lambda": lambda node: node.warp(lambda p: 0.1 * rm.sin(3.0 * p.zxy + SPREAD * rm.time)),
+    "displacement": lambda node: node.displace_by(lambda p: 0.05 * rm.sin(5.0 * p.x + rm.time)),
+}
+
+
+@pytest.mark.parametrize("kind", CHANGING)
+def test_solids_that_functions_of_time_bend_are_rows(kind):
+    """Seven are made by calls of their own; their functions are equal. A look-up costs what it does for balls."""
+    bent = [CHANGING[kind](rm.sphere(0.2 + 0.01 * i)) for i in range(7)]
+    node = rm.union(*[bent[i % 7].translate((i % 7 - 3, i // 7 - 3, 0)) for i in range(42)])
+    balls = rm.union(*[rm.sphere(0.3).translate((i % 7, i // 7, rm.sin(rm.time + i))) for i in range(42)])
+    (rows,) = gather(node, "auto", 0.0).rows
+    assert len(rows) == 42 and len(rows.forms) == 1
+    assert counted(node) < counted(balls) + 30
+    at = np.concatenate(
+        [points(50, 3.0), np.random.default_rng(2).integers(-2, 3, (100, 3)) * (1, 1, 0) + points(100, 0.25)]
+    )
+    for time in (0.0, 0.7, 40.0):
+        with bound({"spread": 1.3}, time):
+            near = assert_same(node, at)
+        assert near.mean() > 0.1
+    assert gather(node, "auto", 0.0, live=False).data == 0
+
+
+def counted(node):
+    """Operations of a look-up among rows, and of one object."""
+    found = located(node)
+    return operations([found.field.body], turns=False) + operations([found.rows.forms[0].columns.field.body])

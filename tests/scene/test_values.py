@@ -168,7 +168,10 @@ def test_a_light_shines_at_its_target(kind: Any) -> None:
         assert same == light and same.target is not None
     follows = kind((0, 3, 0), target=(sin(rm.time), 0, 0))
     assert rm.Scene(rm.sphere(), lights=[follows]).lights[0].direction.op == "normalize"
-    refused(lambda: kind((0, 3, 0), direction=(1, 0, 0), target=(1, 0, 0)), "one of them")
+    for direction in ((1, 0, 0), rm.vec3(1, 0, 0), rm.vec3(sin(rm.time), -1, 0)):
+        refused(lambda d=direction: kind((0, 3, 0), direction=d, target=(1, 0, 0)), "one of them")
+    moved = dataclasses.replace(follows, position=(0, 5, 0))
+    assert moved.direction is kind((0, 5, 0), target=follows.target).direction
     refused(lambda: kind((0, 3, 0), target=(0, 3, 0)), "not all zero")
 
 
