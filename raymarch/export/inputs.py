@@ -21,6 +21,7 @@ from raymarch.expr.texels import Texels
 from raymarch.expr.walk import find
 from raymarch.plan import Plan, lights, plan
 from raymarch.plan.gather import gather
+from raymarch.prices import STANDARD
 from raymarch.scene.parameter import Spec, Values
 from raymarch.scene.quality import SINGLE_PASS
 from raymarch.scene.reading import exact_distance
@@ -155,8 +156,8 @@ def light_rows(made: Plan, values: Values) -> NDArray[np.float32]:
         if find(light.expressions, "time", "param"):
             raise PlanError(
                 f"{len(made.scene.lights)} lights, one of which depends on time or a Param: an export has more than "
-                f"{lights.AS_TEXT} lights as constants",
-                legal=f"lights that do not change, or up to {lights.AS_TEXT}",
+                f"{STANDARD.lights} lights as constants",
+                legal=f"lights that do not change, or up to {STANDARD.lights}",
                 where=light.where,
             )
     return lights.rows(made.scene, values)

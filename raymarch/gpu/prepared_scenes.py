@@ -11,6 +11,7 @@ from raymarch.gpu.part import prepared_part
 from raymarch.gpu.prepare import Prepared, Wanted, assembled, drawn_for, passes_for, with_lights
 from raymarch.gpu.resource_cache import ResourceCache, check_compile_time
 from raymarch.plan import Plan, marched_otherwise, marching, plan
+from raymarch.plan.device import DeviceClass
 from raymarch.plan.live_lights import LightMemory, LiveLights
 from raymarch.scene.scene import Scene
 
@@ -23,12 +24,23 @@ class PreparedScenes:
 
     def __init__(self, resources: ResourceCache) -> None:
         self._resources = resources
+        self._device: DeviceClass | None = None
         self._ready: OrderedDict[tuple[Any, ...], Prepared] = OrderedDict()
         self._plans: OrderedDict[tuple[Any, ...], Plan] = OrderedDict()
         self._lights = LightMemory()
         self._versions: OrderedDict[tuple[Any, ...], Prepared] = OrderedDict()
         self._last: tuple[Scene, tuple[Any, ...], Prepared] | None = None
         self._another: tuple[Scene, Scene] | None = None
+
+    @property
+    def device(self) -> DeviceClass:
+        """The class of devices for which scenes are planned."""
+        return self._device or self._resources.context.driver.device_class
+
+    @device.setter
+    def device(self, chosen: DeviceClass) -> None:
+        self._device = chosen
+        self.clear()
 
     def of(self, scene: Scene, outputs: Sequence[Wanted], size: tuple[int, int], part: bool = False) -> Prepared:
         """The plan and shader of a scene, from the cache if possible.
@@ -61,7 +73,7 @@ class PreparedScenes:
         if part or not self._resources.live_lights:
             return (prepared_part if part else assembled)(self._planned(scene, passes, size, None))
         of = scene.planned_without("lights")
-        live = self._lights.fit(scene, of)
+        live = self._lights.fit(scene, of, self.device.prices)
         key = (of, passes, size)
         earlier = self._versions.pop(key, None)
         found = None if earlier is None else with_lights(earlier, scene, live)
@@ -73,7 +85,7 @@ class PreparedScenes:
     def adopt(self, scene: Scene, outputs: Sequence[Wanted], size: tuple[int, int], prepared: Prepared) -> None:
         """Cache a scene that was prepared elsewhere."""
         if self._resources.live_lights:
-            self._lights.fit(scene, scene.planned_without("lights"))
+            self._lights.fit(scene, scene.planned_without("lights"), self.device.prices)
         self._add((scene.planned, tuple(passes_for(outputs)), size, False), prepared)
 
     def clear(self) -> None:
@@ -96,9 +108,8 @@ class PreparedScenes:
         if key in self._plans:
             self._plans.move_to_end(key)
             return marched_otherwise(self._plans[key], scene.quality, size)
-        device = self._resources.context.driver.device_class
         refuse = partial(self._refuse_slow, scene)
-        found = self._plans[key] = plan(scene, passes, size, refuse=refuse, device=device, live=live)
+        found = self._plans[key] = plan(scene, passes, size, refuse=refuse, device=self.device, live=live)
         while len(self._plans) > PLANNED:
             self._plans.popitem(last=False)
         return found

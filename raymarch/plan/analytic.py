@@ -15,19 +15,13 @@ from raymarch.expr.node import const, var
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import max, min, where
 from raymarch.plan.hoisting import Hoisting
+from raymarch.prices import STANDARD, Prices
 from raymarch.sdf.booleans import united
 from raymarch.sdf.facts import FARTHEST, Facts, around
 from raymarch.sdf.intersections import NAMES, has_closed_form, interval_of_ray, is_placed
 from raymarch.sdf.labels import flattened
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node, replaced
-
-MOST = 24
-"""Largest number of solids that are solved by `Quality(analytic=None)`; of more, only the unbounded ones are. More
-delay the first frame by more than ten frames gain, on llvmpipe: see docs/marching.md."""
-
-MOST_BOXES = 8
-"""Largest number of boxes that a ray is clipped to one by one; the boxes of more operands are joined."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +40,7 @@ class Analytic:
     hit: Function | None = None
     rest: Function | None = None
     solved_distance: Function | None = None
+    prices: Prices = STANDARD
 
     @property
     def used(self) -> bool:
@@ -56,14 +51,16 @@ class Analytic:
     def boxes(self) -> list[Facts]:
         """The boxes outside of which nothing is marched; none if nothing is marched."""
         boxes = [node.facts for node in self.marched if not node.facts.empty]
-        return boxes if len(boxes) <= MOST_BOXES else [around(boxes)]
+        return boxes if len(boxes) <= self.prices.boxes else [around(boxes)]
 
 
-def choose(root: Node, asked: bool | None, hidden: bool = False, edges: bool = False) -> Analytic:
+def choose(
+    root: Node, asked: bool | None, hidden: bool = False, edges: bool = False, prices: Prices = STANDARD
+) -> Analytic:
     """Choose the solids to solve.
 
     root : the tree with its objects as rows. asked : see `Quality.analytic`. hidden : some solid is hidden from some
-        kind of ray, so the outermost union depends on the ray.
+        kind of ray, so the outermost union depends on the ray. prices : of the device.
     """
     if hidden:
         return Analytic("a solid is hidden from some kind of ray")
@@ -80,15 +77,18 @@ def choose(root: Node, asked: bool | None, hidden: bool = False, edges: bool = F
     if not solved:
         return Analytic(f"no operand of the outermost hard union is one of {', '.join(NAMES)}, only rotated and moved")
     why = "Quality(analytic=True)" if asked else "rays meet them without steps"
-    if asked is None and len(solved) > MOST:
-        many = f"{len(solved)} solids have closed forms, and more than {MOST} compile slowly"
+    delay = f"{prices.closed_form * len(solved):.2g} s of the first frame, of {prices.patience:.2g}"
+    if asked is None and len(solved) > prices.closed_forms:
+        many = f"{len(solved)} solids have closed forms, and more than {prices.closed_forms} compile slowly: {delay}"
         marched += [node for node in solved if node.facts.bounded]
         solved = [node for node in solved if not node.facts.bounded]
         if not solved:
             return Analytic(many)
         why = f"the unbounded ones; {many}"
+    elif asked is None:
+        why += f", which takes {delay}"
     count = f"{len(solved)} of {len(solved) + len(marched)} operands of the outermost union"
-    return Analytic(f"{count}: {why}", tuple(solved), tuple(marched))
+    return Analytic(f"{count}: {why}", tuple(solved), tuple(marched), prices=prices)
 
 
 def complete(made: Analytic, root: Node, field: Function, lowering: Lowering, hoist: Hoisting) -> Analytic:

@@ -26,18 +26,10 @@ from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import abs, length, max, min, where
 from raymarch.expr.walk import find, rebuild, substitute
 from raymarch.plan.hoisting import Hoisting
+from raymarch.prices import Prices
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.facts import FARTHEST, Facts
 from raymarch.sdf.node import Node
-
-LEAST = 700
-"""Least number of operations of an operand that is costly. A software renderer skips the turns of loops only."""
-
-FEWEST = 4
-"""Least number of costly operands of a union: fewer make no frame faster."""
-
-ROLLED = 400
-"""Least number of operations of a loop that compilers must not unroll."""
 
 SOME = 1e-30
 """A distance above 0, so that the bound inside of a box, 0, is less."""
@@ -159,14 +151,17 @@ def inner_point(function: Function, facts: Facts) -> tuple[NDArray[np.float64], 
 class BoundedUnions:
     """Chooses the operands that are evaluated in their boxes only; see `raymarch.sdf.lower.Bounding`.
 
-    asked : see `Quality.bounding_volumes`. hoist : hoists the functions of operands. made : the unions with operands
-    in boxes. refused : why there are none.
+    asked : see `Quality.bounding_volumes`. hoist : hoists the functions of operands. prices : of the device.
+    made : the unions with operands in boxes. refused : why there are none. dearest : operations of the dearest operand
+    that could have a box.
     """
 
     asked: bool | None
     hoist: Hoisting
+    prices: Prices
     made: list[BoundedUnion] = field(default_factory=list)
     refused: str = ""
+    dearest: int = 0
     _kept: dict[Function, Function] = field(default_factory=dict)
 
     def allowed(self, hidden: bool, rows: bool) -> bool:
@@ -193,20 +188,32 @@ class BoundedUnions:
         if not self.made:
             if self.asked:
                 return "no operand of a hard union has a box and a certified lower bound"
-            return f"no hard union has {FEWEST} operands with boxes that take {LEAST} operations or more"
+            few, least = self.prices.operands, self._least
+            dearest = f"; the dearest takes {self.prices.nanoseconds(self.dearest)}" if self.dearest else ""
+            return f"no hard union has {few} operands with boxes that take {least}{dearest}"
         largest = builtins.max(self.made, key=lambda union: len(union.boxes))
         n, wanted = len(largest.boxes), "Quality(bounding_volumes=True)"
-        why = wanted if self.asked else f"each takes {LEAST} operations or more"
+        why = wanted if self.asked else f"each takes {self._least}"
         return f"{n} operand{'s' * (n != 1)} of a hard union: {why}"
+
+    @property
+    def _least(self) -> str:
+        """The price of a box: that of the operands from which it is worth it."""
+        return f"{self.prices.skip:.0f} operations or more ({self.prices.nanoseconds(self.prices.skip)}, as a box does)"
+
+    @property
+    def _fewest(self) -> int:
+        """Least number of operands of a union with boxes."""
+        return 1 if self.asked else self.prices.operands
 
     def applies(self, node: Node, children: Sequence[Node]) -> bool:
         union = node.placed_as == "union" and len(children) > 1
-        return union and sum(_has_bound(child.facts) for child in children) >= (1 if self.asked else FEWEST)
+        return union and sum(_has_bound(child.facts) for child in children) >= self._fewest
 
     def chosen(self, children: Sequence[Node], bodies: Sequence[Expr]) -> Sequence[int]:
         pairs = enumerate(zip(children, bodies, strict=True))
         found = [i for i, (child, body) in pairs if _has_bound(child.facts) and self._is_costly(body)]
-        return found if len(found) >= (1 if self.asked else FEWEST) and not find(bodies, "cell") else []
+        return found if len(found) >= self._fewest and not find(bodies, "cell") else []
 
     def bounded(self, node: Node, children: Sequence[Node], functions: Sequence[Function]) -> BoundedUnion | None:
         """The union with some operands in boxes, None if none is worth it."""
@@ -237,12 +244,14 @@ class BoundedUnions:
     def _rolled(self, node: Expr, args: tuple[Expr, ...]) -> Expr:
         if node.op == "call":
             return make("call", node.type, args, self._skippable(node.data))
-        if node.op != "loop" or node.data.is_branch or operations([node]) < ROLLED:
+        if node.op != "loop" or node.data.is_branch or operations([node]) < self.prices.unroll:
             return rebuild(node, args)
         return make("loop", node.type, args, node.data.changed(self._rolled, kept=True))
 
     def _is_costly(self, body: Expr) -> bool:
-        return self.asked is True or operations([body]) >= LEAST
+        needed = operations([body])
+        self.dearest = builtins.max(self.dearest, needed)
+        return self.asked is True or needed >= self.prices.skip
 
 
 def _has_bound(facts: Facts) -> bool:

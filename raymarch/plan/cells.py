@@ -25,7 +25,6 @@ from raymarch.plan.lists import (
     ENTRIES,
     MANY,
     PAIRS,
-    WORTH,
     Array,
     Indices,
     Level,
@@ -38,19 +37,12 @@ from raymarch.plan.lists import (
     taken,
     write,
 )
+from raymarch.prices import STANDARD, Prices
 from raymarch.sdf.blends import FAMILIES, REACH
 from raymarch.sdf.rows import Rows
 
-CROWDED = 4
-"""A cell of the grid with more objects is halved, if its children have fewer. Twice as many are needed for each further
-halving: a level costs every evaluation a fetch."""
-
 FINEST = 4
 """Maximum number of times that a cell of the grid is halved."""
-
-FINE_GRID, FINE_CELLS = 20_000, 20
-"""A grid of a hard union of up to so many objects has so many cells for each: it is seldom halved, which saves the
-evaluations a fetch. Larger unions have one cell for each, because building them takes longer."""
 
 FINEST_LIVE = 3
 """The same for objects that depend on parameters or time: each evaluation then descends as often as any could need."""
@@ -117,8 +109,8 @@ class Cells:
 
 
 class Builder:
-    def __init__(self, rows: Rows, exact: float) -> None:
-        self.rows = rows
+    def __init__(self, rows: Rows, exact: float, prices: Prices = STANDARD) -> None:
+        self.rows, self.prices = rows, prices
         self.forms = rows.forms
         self.firsts = np.cumsum([0, *map(len, rows.forms)])
         lower = np.concatenate([form.lower for form in self.forms])
@@ -146,8 +138,8 @@ class Builder:
         )
         # An unbounded operand nearer than that decides alone, however the rest is blended.
         self.less = (self.reach + (2.0 if not self.bounded.all() else 1.0) * self.lowers) if self.blended else 0.0
-        self.fine = n <= FINE_GRID and not self.blended and not rows.live
-        size = float(np.cbrt(np.prod(edges) / (n * (FINE_CELLS if self.fine else 1))))
+        self.fine = n <= prices.fine_objects and not self.blended and not rows.live
+        size = float(np.cbrt(np.prod(edges) / (n * (prices.fine_cells if self.fine else 1))))
         size = max(size, float(np.cbrt(np.prod(edges) / CELLS)), float(extent.max()) / 1024.0)
         # In smaller cells, rounding leaves all objects around a point in doubt.
         smallest = 8.0 * ROUNDING * float(np.abs([low, high]).max())
@@ -229,7 +221,7 @@ class Builder:
         for left in reversed(range(halvings + 1)):
             limit = np.ceil(self.counts / 2**left).astype(np.int64)
             below, _, cells, _, value = self.divided(level, self.size * 2**left, limit, last=left == 0)
-            if left < halvings and crowded(below, level):
+            if left < halvings and crowded(below, level, self.prices.halved):
                 return self.coarser(left + 1).run()
             level = below
             self.paint(texels, cells, value, left)
@@ -421,7 +413,8 @@ class Builder:
         total, depth, entries = len(texels), 0, len(level.items)
         while True:
             counts = np.diff(level.starts)
-            too_many = counts > (CROWDED if entries < MANY else 2 * CROWDED) << (depth + 2 * self.fine)
+            most = self.prices.crowded if entries < MANY else 2 * self.prices.crowded
+            too_many = counts > most << (depth + 2 * self.fine)
             if depth == self.finest or not too_many.any() or total >= CELLS or entries >= ENTRIES:
                 written.append((place, counts, level.items))
                 break
@@ -432,7 +425,7 @@ class Builder:
             del crowd
             lengths = np.zeros(8 * len(parents), np.int64)
             lengths[near_at] = np.diff(near.starts)
-            gain = lengths.reshape(-1, 8).mean(axis=1) <= WORTH * counts[parents]
+            gain = lengths.reshape(-1, 8).mean(axis=1) <= self.prices.halved * counts[parents]
             split = np.zeros(len(counts), bool)
             split[parents[gain]] = True
             block = np.zeros((8 * len(parents), 2), np.float32)

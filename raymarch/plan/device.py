@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from raymarch.errors import PlanError
+from raymarch.prices import STANDARD, Prices
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,12 +17,14 @@ class DeviceClass:
     name : "software" or "hardware". reason : what they have in common.
     branches : True if functions that choose between costly values find the choice first, then evaluate one value.
     arrays : True if an array with a computed index is as fast as other variables: else it is kept in memory.
+    prices : what it takes for the parts of each choice.
     """
 
     name: str
     reason: str
     branches: bool
     arrays: bool
+    prices: Prices = STANDARD
 
 
 SOFTWARE: Final = DeviceClass(

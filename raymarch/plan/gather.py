@@ -20,6 +20,7 @@ from raymarch.expr.types import BOOL, FLOAT
 from raymarch.expr.walk import find, rebuild, topological
 from raymarch.plan.groups import groups
 from raymarch.plan.hoisting import NEVER_HOISTED
+from raymarch.prices import OBJECT, STANDARD, Prices
 from raymarch.scene.scene import all_nodes
 from raymarch.sdf.booleans import Blend, blend_of, union
 from raymarch.sdf.derivation import divisor_of
@@ -31,19 +32,6 @@ from raymarch.sdf.placing import with_label
 from raymarch.sdf.rows import Form, Moving, Rows, Slot
 from raymarch.sdf.solids import sphere
 from raymarch.sdf.visibility import hidden_from
-
-AS_DATA = 32
-"""Number of objects from which a union is data. On llvmpipe the first five frames of 32 objects take as long as with
-text; from 75 objects on each frame is faster as data. See docs/scale.md."""
-
-ALIKE = 8
-"""Least number of objects of one form that are worth rows; fewer stay text."""
-
-FEWER_AS_DATA, FEWER_ALIKE = 4, 2
-"""The same two numbers for costly objects, of which text would take long to compile."""
-
-FORMS = 12
-"""Maximum number of forms in a blend: each is evaluated for each object that is asked."""
 
 DEEPEST = 200
 """Maximum number of operators above a union that becomes data."""
@@ -77,9 +65,9 @@ class Gathered:
         return sum(map(len, self.rows))
 
 
-def gather(root: Node, choice: str, exact: float, live: bool = True) -> Gathered:
+def gather(root: Node, choice: str, exact: float, live: bool = True, prices: Prices = STANDARD) -> Gathered:
     """The tree with its objects as rows; see `Gatherer`."""
-    return Gatherer(choice, exact, live).gather(root)
+    return Gatherer(choice, exact, live, prices).gather(root)
 
 
 class Gatherer:
@@ -87,10 +75,11 @@ class Gatherer:
 
     choice : "auto", "text" or "data", see `Quality.objects`. exact : distance up to which the field must be exact; if
         infinite, all objects are text. live : False for text for objects that depend on parameters or time.
+    prices : of the device.
     """
 
-    def __init__(self, choice: str, exact: float, live: bool = True) -> None:
-        self.choice, self.exact, self.allowed = choice, exact, live
+    def __init__(self, choice: str, exact: float, live: bool = True, prices: Prices = STANDARD) -> None:
+        self.choice, self.exact, self.allowed, self.prices = choice, exact, live, prices
         self.blended = False  # rows below a blend need one divisor, because blends act on undivided fields
         self.live: set[int] = set()  # forms that depend on parameters or time
         self.forms: dict[Any, int] = {}
@@ -105,22 +94,23 @@ class Gatherer:
         why : why fewer objects than usual are worth rows, the reason that is given; empty if they are not.
         """
         self.made = Gathered(root)
-        data = self.choice == "data"
-        self.least = 2 if data else FEWER_AS_DATA if why else AS_DATA
-        self.alike = 1 if data else FEWER_ALIKE if why else ALIKE
+        data, prices = self.choice == "data", self.prices
+        self.least = 2 if data else prices.fewer_objects if why else prices.objects
+        self.alike = 1 if data else prices.fewer_alike if why else prices.alike
+        look_up = f"cells take {prices.nanoseconds(prices.look_up)}, and each small object {prices.nanoseconds(OBJECT)}"
         unlimited = not math.isfinite(self.exact)
         node = root if self.choice == "text" or unlimited else self.visit(root, self.exact, 0)
         if self.made.rows and data:
             reason = "Quality(objects='data')"
         elif self.made.rows:
-            reason = why or f"{AS_DATA} or more objects of few forms"
+            reason = why or f"{prices.objects} or more objects of few forms; {look_up}"
         elif unlimited:
             reason = "ambient occlusion reads the field at distances without a limit"
         elif self.choice == "text":
             reason = "Quality(objects='text')"
         else:
             largest = max((len(n.children) for n in all_nodes(root) if n.definition.arity == "many"), default=0)
-            reason = f"no union of {AS_DATA} or more objects of few forms; the largest has {largest} operands"
+            reason = f"no union of {prices.objects} or more objects of few forms; the largest has {largest}; {look_up}"
         return changed(self.made, node=node, reason=reason)
 
     def _divisor(self, members: Sequence[Node]) -> float | None:
@@ -159,7 +149,7 @@ class Gatherer:
 
     def _keep(self, rows: Rows, exact: float) -> list[Rows]:
         """Note rows, divided into groups far apart, which are returned."""
-        parts = groups(rows, exact)
+        parts = groups(rows, exact, self.prices.group)
         for part in parts:
             self.made.rows[part] = max(exact, self.made.rows.get(part, 0.0))
         return parts
@@ -256,7 +246,11 @@ class Gatherer:
         alike = sum(len(members) for members in groups.values() if len(members) >= self.alike)
         if self.live & groups.keys() and not all(child.facts.bounded for child in node.children):
             return None
-        if alike < self.least or len(groups) > FORMS or not any(c.facts.bounded for c in node.children):
+        if (
+            alike < self.least
+            or len(groups) > self.prices.blended_forms
+            or not any(c.facts.bounded for c in node.children)
+        ):
             return None
         divisor = self._divisor(node.children)
         if divisor is None:

@@ -12,13 +12,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from raymarch.prices import STANDARD
 from raymarch.sdf.blends import REACH
 from raymarch.sdf.facts import beyond
 from raymarch.sdf.rows import Form, Rows
-
-CROWD = 128
-"""Least number of objects in a smallest cell, and of a group, that is worth a grid of its own. Its price is a look-up
-in each evaluation."""
 
 ACROSS = 1 << 12
 """Smallest cells along the longest edge of the box of all objects."""
@@ -30,15 +27,16 @@ MOST = 8
 """Maximum number of groups."""
 
 
-def groups(rows: Rows, exact: float) -> list[Rows]:
+def groups(rows: Rows, exact: float, crowd: int = STANDARD.group) -> list[Rows]:
     """The rows as one or several; their union is the same solid.
 
     exact : distance to surfaces up to which the field is the same too. Objects of a blend are divided only if they are
     so far apart that none of one group takes part in blends of the other.
+    crowd : see `Prices.group`.
     """
     lower = np.concatenate([form.lower for form in rows.forms])
     upper = np.concatenate([form.upper for form in rows.forms])
-    if rows.live or len(rows) < 2 * CROWD or not np.all(np.isfinite(lower) & np.isfinite(upper)):
+    if rows.live or len(rows) < 2 * crowd or not np.all(np.isfinite(lower) & np.isfinite(upper)):
         return [rows]
     margin = 0.0
     if rows.family:
@@ -49,7 +47,7 @@ def groups(rows: Rows, exact: float) -> list[Rows]:
     pending = [0]
     while pending and number.max() + 1 < MOST:
         mine = np.nonzero(number == pending.pop())[0]
-        for group in _compact(lower[mine], upper[mine], float(margin)):
+        for group in _compact(lower[mine], upper[mine], float(margin), crowd):
             if number.max() + 1 < MOST and len(group) < len(mine):
                 number[mine[group]] = number.max() + 1
                 pending.append(int(number.max()))
@@ -57,15 +55,17 @@ def groups(rows: Rows, exact: float) -> list[Rows]:
     return [rows] if len(found) == 1 else [_part(rows, number == i) for i in found]
 
 
-def _compact(lower: NDArray[np.float64], upper: NDArray[np.float64], margin: float) -> list[NDArray[np.int64]]:
-    """The groups of at least `CROWD` objects in small boxes, as indices; other objects are farther than the margin."""
+def _compact(
+    lower: NDArray[np.float64], upper: NDArray[np.float64], margin: float, crowd: int
+) -> list[NDArray[np.int64]]:
+    """The groups of at least `crowd` objects in small boxes, as indices; other objects are farther than the margin."""
     low, extent = lower.min(axis=0), float((upper.max(axis=0) - lower.min(axis=0)).max())
     if extent == 0.0:
         return []
     cells = np.floor((0.5 * (lower + upper) - low) * (ACROSS / extent)).astype(np.int64)
     kinds, cell, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     cell = cell.reshape(-1)  # of shape (n, 1) in some versions of NumPy
-    crowded = {tuple(kinds[i]) for i in np.nonzero(counts >= CROWD // 8)[0].tolist()}
+    crowded = {tuple(kinds[i]) for i in np.nonzero(counts >= crowd // 8)[0].tolist()}
     made = []
     while crowded:
         near = [crowded.pop()]
@@ -78,7 +78,7 @@ def _compact(lower: NDArray[np.float64], upper: NDArray[np.float64], margin: flo
         low_cell, high_cell = np.min(near, axis=0) - 1, np.max(near, axis=0) + 1
         inside = np.all((kinds >= low_cell) & (kinds <= high_cell), axis=1)[cell]
         box = lower[inside].min(axis=0), upper[inside].max(axis=0)
-        if np.sum(inside) < CROWD or counts[inside[_first(cell, len(kinds))]].max() < CROWD:
+        if np.sum(inside) < crowd or counts[inside[_first(cell, len(kinds))]].max() < crowd:
             continue
         if float((box[1] - box[0]).max()) * FINER > extent:
             continue

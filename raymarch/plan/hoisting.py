@@ -19,26 +19,24 @@ from raymarch.expr.node import Expr, make
 from raymarch.expr.operations import operations
 from raymarch.expr.types import FLOAT, Type
 from raymarch.expr.walk import find, rebuild, topological
+from raymarch.prices import STANDARD, Prices
 from raymarch.scene.parameter import Spec, Value, Values
 from raymarch.sdf.lower import rewritten
 
 NEVER_HOISTED = frozenset("var apply cell loop item mark sample sample_slope fetch texture raw raw_slope".split())
 """Operations that depend on the point, or that only the shader can evaluate."""
 
-COSTLY = 24
-"""Operations of an expression of parameters alone from which it is hoisted."""
-
 
 class Hoisting:
     """Replaces time-only subexpressions, and costly ones of parameters alone, by new parameters, which the functions of
     a plan share.
 
-    origins : the user's line of each expression; lines of new expressions are added.
+    origins : the user's line of each expression; lines of new expressions are added. prices : of the device.
     expressions : what each parameter stands for, by its name.
     """
 
-    def __init__(self, origins: dict[Expr, Location]) -> None:
-        self.origins = origins
+    def __init__(self, origins: dict[Expr, Location], prices: Prices = STANDARD) -> None:
+        self.origins, self._least = origins, prices.uniform
         self.expressions: dict[str, Expr] = {}
         self._leaves: dict[Expr, Expr] = {}
         self._done: dict[Function, Function] = {}
@@ -47,14 +45,14 @@ class Hoisting:
         """The function with its time-only subexpressions replaced, and costly ones of parameters."""
         if function not in self._done:
             read = {leaf.op for leaf in find([function.body], "time", "param")}
-            if not read or ("time" not in read and not _costly(function.body)):
+            if not read or ("time" not in read and not _costly(function.body, self._least)):
                 self._done[function] = function
         if function not in self._done:
             made: dict[Function, Function] = {}
             for old in topological([function], _called):
                 body = _calling(old.body, made, self.origins)
                 body = _replaced(body, _phases(body), self.origins)
-                for node in (*_largest(body), *_costly(body)):
+                for node in (*_largest(body), *_costly(body, self._least)):
                     if node not in self._leaves:
                         name = f"hoisted {len(self.expressions)}"
                         spec = Spec(name, _plain(Values({}).of(node)), None, None, self.origins.get(node))
@@ -112,11 +110,11 @@ def _largest(body: Expr) -> list[Expr]:
     return [node for node in found if node.op != "time"]
 
 
-def _costly(body: Expr) -> list[Expr]:
-    """The maximal expressions of parameters alone that take `COSTLY` operations or more."""
+def _costly(body: Expr, least: float) -> list[Expr]:
+    """The maximal expressions of parameters alone that take so many operations or more."""
     still, moving = _of_time(body)
     found = {arg: None for node in topological([body]) if node not in still for arg in node.args if arg in still}
-    return [node for node in found if node not in moving and operations([node]) >= COSTLY and find([node], "param")]
+    return [node for node in found if node not in moving and operations([node]) >= least and find([node], "param")]
 
 
 def _of_time(body: Expr) -> tuple[set[Expr], set[Expr]]:

@@ -18,19 +18,20 @@ from raymarch.errors import warn
 from raymarch.expr.glsl import print_functions
 from raymarch.files import sources
 from raymarch.plan.cells import Builder, Cells
+from raymarch.prices import STANDARD, Prices
 from raymarch.sdf.rows import Rows
 
-KEPT_FROM, KEPT_SECONDS, KEPT_BYTES = 1000, 0.5, 2 << 30
-"""Number of objects, and seconds of their build, from which cells are kept on disk; bytes of all cells there."""
+KEPT_BYTES = 2 << 30
+"""Bytes of all cells on disk."""
 
 
-def build(rows: Rows, exact: float) -> Cells:
+def build(rows: Rows, exact: float, prices: Prices = STANDARD) -> Cells:
     """The cells of some rows, from the cache on disk if their build took long before.
 
-    exact : distance to surfaces up to which the field must be exact.
+    exact : distance to surfaces up to which the field must be exact. prices : of the device.
     """
-    builder = Builder(rows, exact)
-    folder = cache.folder() if len(rows) >= KEPT_FROM and not rows.live else None
+    builder = Builder(rows, exact, prices)
+    folder = cache.folder() if len(rows) >= prices.kept_objects and not rows.live else None
     if folder is None:
         return builder.run()
     file = folder / "cells" / f"{_key(builder)}.npz"
@@ -42,7 +43,7 @@ def build(rows: Rows, exact: float) -> Cells:
         return made
     begin = time.perf_counter()
     made = builder.run()
-    if time.perf_counter() - begin >= KEPT_SECONDS:
+    if time.perf_counter() - begin >= prices.kept_seconds:
         fault = cache.save(file, {f.name: getattr(made, f.name) for f in fields(Cells)}, limit=KEPT_BYTES)
         if fault:
             warn(f"the cells of {len(rows):,} objects are built again in each run: {fault}")
@@ -63,6 +64,8 @@ def _key(builder: Builder) -> str:
     digest = hashlib.sha256()
     for _, code in sources("plan/cells.py", "plan/lists.py"):
         digest.update(code)
+    prices = builder.prices
+    digest.update(repr((prices.crowded, prices.halved, prices.fine_objects, prices.fine_cells)).encode())
     digest.update(repr((builder.rows.k, builder.rows.family, builder.need, np.__version__)).encode())
     for form in builder.forms:
         digest.update("".join(line.text for line in print_functions([form.columns.field]).lines()).encode())

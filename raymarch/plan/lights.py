@@ -17,6 +17,7 @@ from raymarch.expr.types import Type
 from raymarch.expr.vocabulary import record
 from raymarch.expr.walk import free_variables
 from raymarch.plan.light_cells import no_power_of_two
+from raymarch.prices import STANDARD, Prices
 from raymarch.scene.fog import Atmosphere
 from raymarch.scene.light import (
     DIRECTION,
@@ -34,9 +35,6 @@ from raymarch.scene.light import (
 from raymarch.scene.parameter import LEAST_LENGTH, Values
 from raymarch.scene.scene import Scene
 from raymarch.scene.surfaces import has_disc, samples_both
-
-AS_TEXT = 8
-"""Up to this many lights are written as code. More become rows of a texture, read in one loop."""
 
 GIVEN = (POINT, SAMPLE, DIRECTION, FAR, DIRECTION_SAMPLE)
 """What a sample of a light, or its density, may depend on besides the light's values."""
@@ -231,9 +229,9 @@ def _snake(name: str) -> str:
     return "".join(f"_{c.lower()}" if c.isupper() and i else c.lower() for i, c in enumerate(name))
 
 
-def as_data(scene: Scene) -> bool:
+def as_data(scene: Scene, prices: Prices = STANDARD) -> bool:
     """True if the lights are rows of a texture."""
-    return len(scene.lights) > AS_TEXT
+    return len(scene.lights) > prices.lights
 
 
 def split(scene: Scene) -> bool:
@@ -306,9 +304,9 @@ def padded(rows: NDArray[np.float32]) -> NDArray[np.float32]:
     return made
 
 
-def in_cells(scene: Scene) -> bool:
+def in_cells(scene: Scene, prices: Prices = STANDARD) -> bool:
     """True if a grid of cells finds the lights that reach a point: if many are limited to a range."""
-    return as_data(scene) and table(scene).limited > AS_TEXT
+    return as_data(scene, prices) and table(scene).limited > prices.lights
 
 
 def balls(scene: Scene, values: Values, count: int | None = None) -> NDArray[np.float64]:

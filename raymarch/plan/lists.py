@@ -13,9 +13,6 @@ Array: TypeAlias = NDArray[np.float64]
 Whole: TypeAlias = NDArray[np.int64]
 Indices: TypeAlias = NDArray[np.int32]
 
-WORTH = 0.75
-"""A cell is halved if its children have at most this fraction of its objects on average."""
-
 MANY, ENTRIES = 1 << 22, 24 << 20
 """Number of entries in all lists beyond which only cells with twice as many objects are halved, and beyond which none
 is, to limit memory."""
@@ -116,9 +113,9 @@ def write(blocks: list[NDArray[np.float32]], places: Whole, values: Array) -> No
         first += len(block)
 
 
-def crowded(level: Level, above: Level) -> bool:
+def crowded(level: Level, above: Level, halved: float) -> bool:
     """True if the cells of a level list too many objects in all, or many that are as long as those of the level above
-    it: objects that nearly coincide stay together in the smallest cell."""
+    it: objects that nearly coincide stay together in the smallest cell. halved : see `Prices`."""
     entries = len(level.items)
-    shorter = entries * len(above.cells) <= WORTH * len(above.items) * len(level.cells)
+    shorter = entries * len(above.cells) <= halved * len(above.items) * len(level.cells)
     return entries > ENTRIES or (entries > MANY and not shorter)

@@ -11,6 +11,7 @@ from raymarch.errors import RaymarchError
 from raymarch.expr.node import Expr, const
 from raymarch.expr.walk import find, substitute
 from raymarch.plan import lights
+from raymarch.prices import STANDARD, Prices
 from raymarch.scene.light import Light
 from raymarch.scene.scene import Scene
 
@@ -55,35 +56,35 @@ class LightMemory:
     def __init__(self) -> None:
         self._known: OrderedDict[Hashable, _Seen] = OrderedDict()
 
-    def fit(self, scene: Scene, of: Hashable = None) -> LiveLights | None:
+    def fit(self, scene: Scene, of: Hashable = None, prices: Prices = STANDARD) -> LiveLights | None:
         """How to draw the lights of the next version of a scene. None to draw them as those of any scene.
 
-        of : what identifies the scene: the same for all versions that differ in lights.
+        of : what identifies the scene: the same for all versions that differ in lights. prices : of the device.
         """
         if not scene.lights:
             return None
         own = {lights.signature(light): light for light in scene.lights}
         before = self._known.pop(of, None)
-        count, many = len(scene.lights), lights.as_data(scene)
+        count, many = len(scene.lights), lights.as_data(scene, prices)
         if before is None:
-            seen = _Seen(count, {}, False, many and lights.in_cells(scene))
+            seen = _Seen(count, {}, False, many and lights.in_cells(scene, prices))
         else:
             live = before.live or (before.count != count and count > 1)
-            seen = _Seen(count, before.lights, live, before.cells or (many and lights.in_cells(scene)))
+            seen = _Seen(count, before.lights, live, before.cells or (many and lights.in_cells(scene, prices)))
         known = {**seen.lights, **{of: _fixed(light) for of, light in own.items() if of not in seen.lights}}
         self._known[of] = _Seen(seen.count, known, seen.live, seen.cells)
         while len(self._known) > KNOWN:
             self._known.popitem(last=False)
         return _rows(scene, self._known[of]) if seen.live else None
 
-    def next_rows(self, scene: Scene, of: Hashable = None) -> LiveLights | None:
+    def next_rows(self, scene: Scene, of: Hashable = None, prices: Prices = STANDARD) -> LiveLights | None:
         """How the lights of the version that was fitted last would be drawn as rows, as those of a version with
         another number of them are. None if they are rows already, or there are none.
 
-        of : as for `fit`.
+        of, prices : as for `fit`.
         """
         seen = self._known.get(of)
-        written = seen is not None and not seen.live and scene.lights and not lights.as_data(scene)
+        written = seen is not None and not seen.live and scene.lights and not lights.as_data(scene, prices)
         return _rows(scene, seen) if seen is not None and written else None
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from raymarch.expr.function import Function
 from raymarch.expr.operations import operations as count_operations
 from raymarch.expr.operations import reads as count_reads
+from raymarch.prices import SAVED, SAVED_BESIDE, SAVED_FAR, STANDARD, Prices
 from raymarch.scene.quality import Quality
 from raymarch.scene.reading import passes_zeros
 from raymarch.scene.scene import Scene
@@ -23,17 +24,6 @@ from raymarch.sdf.levels import flatness_by_facts, has_levels
 
 MODULES = {"relaxed_again": "relaxed", "advance": "bracketing"}
 """Tracers whose module has a different name."""
-
-WORTH_FAR, WORTH, WORTH_BESIDE = 2e7, 1e8, 3e9
-"""Operations of the field times pixels from which schedule "auto" marches cones: where a marched solid is unbounded,
-where all are bounded, and where these are beside closed-form hits.
-
-Below, a second program and pass cost more than the evaluations that they save. Rays along unbounded solids take the
-most steps; where the floor is solved in closed form and the others are bounded, cones save little. CPU time of frames
-with cones on llvmpipe: columns 85 % (2e7, 640x360) and 81 % (8e7, 1280x720), its first frame .1 s more; village 84 % if
-all solids are marched (4e8), 98 % with closed-form hits (102 % at 1.6e9). One level takes 93 to 101 % of three.
-"""
-
 
 FIELDS: Final = (
     *("tracer", "max_steps", "epsilon", "omega", "beta", "step_scale", "step_variation", "schedule"),
@@ -144,6 +134,7 @@ def choose(
     far: bool = False,
     advancing: Callable[[], Function] | None = None,
     reads: int = 0,
+    prices: Prices = STANDARD,
 ) -> Marching:
     """Choose the tracer and the schedule for a scene.
 
@@ -154,16 +145,17 @@ def choose(
     cells : True if objects are found through cells. closed : True if some solids have closed-form hits.
     far : True if a marched solid is unbounded.
     advancing : makes the function that tells how far a ray is free; see `raymarch.plan.stages.FieldPlan`.
-    reads : texels that one evaluation reads.
+    reads : texels that one evaluation reads. prices : of the device.
     """
     quality = scene.quality
     certified, several = trusted(scene), quality.samples > 1 or quality.temporal != "off"
     tracer, tracer_reason = _choose_tracer(scene, certified, refined(scene))
     known = advancing is not None and not cells and not (standalone and steepest_slopes(scene.node))
     if tracer == "bracketing" and certified and quality.tracer == "auto" and advancing is not None and known:
-        tracer, tracer_reason = _whether_to_advance(scene, operations, reads, advancing)
-    least = WORTH_FAR if far else WORTH_BESIDE if closed else WORTH
-    schedule, schedule_reason = _choose_schedule(quality, certified, operations, None if cells else size, least)
+        tracer, tracer_reason = _whether_to_advance(scene, operations, reads, advancing, prices)
+    saved = SAVED_FAR if far else SAVED_BESIDE if closed else SAVED
+    known_size = None if cells else size
+    schedule, schedule_reason = _choose_schedule(quality, certified, operations * saved, known_size, prices)
     if cells and schedule is SINGLE and certified and quality.schedule == "auto" and not quality.shortened:
         schedule_reason = "cells skip empty space, so cones would save less than their program takes to compile"
     if standalone:
@@ -255,22 +247,8 @@ def _all_free(scene: Scene, advancing: Callable[[], Function] | None) -> bool:
     return True
 
 
-MOST_OPERATIONS = 600
-"""Largest number of operations that tell how far a ray is free, for tracer "auto". More delay the first frame."""
-
-DEAREST = 6.0
-"""Largest ratio of these operations to those of the distance. Where all solids are known along a ray, it takes a half
-to an eighth of the evaluations. CPU time of frames, 320x180, llvmpipe, least of 11 pairs: plates .47, columns .66,
-soft_shadows .85, smoothing .90, lights .91; csg, with a ratio of 6.5, 1.01. The distance of a height map is its field
-divided by the steepest slope, and the advance is not divided: it saves no more than that. With ratios of 5 a steepest
-slope of 8 gives .71, 3.5 1.03, and 1.4 1.23."""
-
-READ = 80
-"""Operations that take as long as reading a texel: 4 ns a ray on llvmpipe, which reads them one by one."""
-
-
 def _whether_to_advance(
-    scene: Scene, operations: int, reads: int, advancing: Callable[[], Function]
+    scene: Scene, operations: int, reads: int, advancing: Callable[[], Function], prices: Prices
 ) -> tuple[str, str]:
     """The tracer of a certified field: by how far rays are free, if that saves time."""
     longer = "a step longer than the distance can be checked"
@@ -286,22 +264,26 @@ def _whether_to_advance(
         )
     if cut(scene):
         return "bracketing", f"{longer}; a cut may leave a membrane of no thickness"
-    if operations > MOST_OPERATIONS:
+    if prices.seconds(operations) > prices.patience:
         return "bracketing", f"{longer}; to tell how far a ray is free takes long to compile"
     try:
         body = advancing().body
     except OnlyDistance as unknown:
         return "bracketing", f"{longer}; of {unknown.node.name} nothing but the distance is known along a ray"
     needed = count_operations([body])
-    ratio = (needed + READ * count_reads([body])) / max(operations + READ * reads, 1)
+    ahead, distance = needed + prices.read * count_reads([body]), max(operations + prices.read * reads, 1)
+    ratio, worth = ahead / distance, min([prices.advance, *steepest_slopes(scene.node)])
     cost = f"in {ratio:.1f} times the operations of the distance"
-    if ratio > min([DEAREST, *steepest_slopes(scene.node)]) or needed > MOST_OPERATIONS:
+    cost += (
+        f" ({prices.nanoseconds(ahead)} in place of {prices.nanoseconds(distance)}; worth it up to {worth:.1f} times)"
+    )
+    if ratio > worth or prices.seconds(needed) > prices.patience:
         return "bracketing", f"{longer}; how far a ray is free is known {cost}, which is more than it saves"
     return "advance", f"how far a ray is free is known of all solids, {cost}"
 
 
 def _choose_schedule(
-    quality: Quality, certified: bool, operations: int, size: tuple[int, int] | None, least: float
+    quality: Quality, certified: bool, saved: float, size: tuple[int, int] | None, prices: Prices
 ) -> tuple[Schedule, str]:
     asked = quality.schedule
     if not certified:
@@ -314,10 +296,11 @@ def _choose_schedule(
         return SCHEDULES[asked], f"Quality(schedule={asked!r})"
     if size is None:
         return SINGLE, "the size of the picture is not known"
-    work = operations * size[0] * size[1]
-    if work < least:
-        return SINGLE, f"{work:.2g} operations for one evaluation per pixel, too few for cones to save time"
-    return SCHEDULES["cone"], f"{work:.2g} operations for one evaluation per pixel, enough for cones to save time"
+    work = saved * size[0] * size[1]
+    price = f"their pass takes {prices.milliseconds(prices.draw)}, and saves about {prices.milliseconds(work)}"
+    if work < prices.draw:
+        return SINGLE, f"cones would cost more than they save: {price}"
+    return SCHEDULES["cone"], f"cones save time: {price}"
 
 
 def variants_of(scene: Scene) -> frozenset[str]:

@@ -18,6 +18,7 @@ from raymarch.expr.arrays import value_of
 from raymarch.expr.function import Function
 from raymarch.expr.node import expr
 from raymarch.expr.operations import operations_of
+from raymarch.prices import STANDARD
 from raymarch.scene.light import Light
 from raymarch.scene.scene import Scene
 from raymarch.sdf.evaluation import evaluate_both, in_blocks
@@ -30,9 +31,6 @@ Array = NDArray[np.float64]
 
 POINTS = 4096
 """Number of points of a scene's box from which its surface is looked for."""
-
-MOST = 400
-"""Operations of an evaluation above which nothing is measured, because it would take seconds."""
 
 ENOUGH = 4
 """Number of such points from which on a penumbra is doubted."""
@@ -51,7 +49,7 @@ def narrow(scene: Scene) -> list[Doubt]:
     """Doubts about two-sided penumbras of gaps that are narrower than the light's disc and of rods that are thinner."""
     lights = [light for light in scene.lights if light.soft and light.penumbra == "two-sided"]
     box = scene.subject
-    if not lights or box is None or not box.bounded or operations_of(_field(scene.node)) > MOST:
+    if not lights or box is None or not box.bounded or operations_of(_field(scene.node)) > STANDARD.doubted:
         return []
     try:
         points, normals = _surface(scene.node, tuple(box.lower), tuple(box.upper))

@@ -24,6 +24,7 @@ from raymarch.plan.cells import Cells
 from raymarch.plan.kept_cells import build
 from raymarch.plan.lists import PAIRS
 from raymarch.plan.narrow import narrow
+from raymarch.prices import STANDARD, Prices
 from raymarch.scene.legal import solid_at
 from raymarch.scene.parameter import Values
 from raymarch.scene.reading import exact_distance, read_as_distance, reads_field, touching_glass
@@ -35,17 +36,12 @@ from raymarch.sdf.facts import FARTHEST
 from raymarch.sdf.levels import CORRECTED, flush_cut, least_slope, short_tool
 from raymarch.sdf.rows import Rows
 
-TOGETHER = 8
-"""Forms that share a loop: a form costs less than reading a list twice. Compilers take long for each texture fetch.
-CPU time of a frame of 30 objects of each form, 640x360, llvmpipe: of 5 forms .32 s in one loop and .48 s in loops of 4;
-of 12 forms 2.2 s in one loop, 1.9 s in loops of 4 or 6, 1.7 s in loops of 8."""
-
 TURNS = 256
 """Least bound of the loops over a list and its folds: llvmpipe unrolls loops of few turns, and then executes all turns.
 With 20,000 objects a frame took 1.6 times as long with a bound of 8 turns as with one of 12 or 256."""
 
 _KEPT = 4
-_built: OrderedDict[tuple[Rows, float], Located] = OrderedDict()
+_built: OrderedDict[tuple[Rows, float, Prices], Located] = OrderedDict()
 """The cells that were built last, by content."""
 
 COINCIDE = 1000
@@ -146,15 +142,16 @@ class Many:
 class ObjectsInCells:
     """Evaluates rows through cells; see `raymarch.sdf.lower.Objects`.
 
-    exact : for each of the rows, the distance up to which its field must be exact.
+    exact : for each of the rows, the distance up to which its field must be exact. prices : of the device.
     """
 
     exact: Mapping[Rows, float]
+    prices: Prices = STANDARD
     _labels: dict[Any, Many] = field(default_factory=dict)
 
     def located(self, rows: Rows) -> Located:
         """The rows with their cells, which are built once for equal rows."""
-        key = (rows, self.exact[rows])
+        key = (rows, self.exact[rows], self.prices)
         if key not in _built:
             with bound({}, 0.0):
                 _built[key] = Located(*key)
@@ -176,14 +173,14 @@ class Located:
     field : the distance, a function of the point; its companion is the gradient.
     """
 
-    def __init__(self, rows: Rows, exact: float) -> None:
-        """exact : distance up to which the field must be exact."""
-        self.rows, self.cells = rows, build(rows, exact)
+    def __init__(self, rows: Rows, exact: float, prices: Prices = STANDARD) -> None:
+        """exact : distance up to which the field must be exact. prices : of the device."""
+        self.rows, self.cells, self.together = rows, build(rows, exact, prices), prices.forms_together
         self.page, self.counted = MOST, 0.0
         self.pages: list[Table | LiveTable]
         self.texels: Table | LiveTable
         if rows.live:
-            now = Remembered(lambda: (_listed(rows, made := build(rows, exact)), made.texels), rows.live)
+            now = Remembered(lambda: (_listed(rows, made := build(rows, exact, prices)), made.texels), rows.live)
             self.cells = self.cells.widened(len(rows))
             self.pages = [_live(rows, exact, lambda: now()[0], "lists of objects")]
             self.texels = _live(rows, exact, lambda: now()[1], "cells of objects")
@@ -258,10 +255,10 @@ class Located:
     # Hard unions
 
     def _nearest(self, place: _Place, p: Expr, carried: Carried | None) -> tuple[Expr, ...]:
-        """One loop over the list. Forms beyond the first `TOGETHER` have loops of their own, with as many each: all
+        """One loop over the list. Forms beyond the first `together` have loops of their own, with as many each: all
         forms of a loop are evaluated for each object."""
         count = len(self.rows.forms)
-        groups = [range(i, i + TOGETHER)[: count - i] for i in range(0, count, TOGETHER)]
+        groups = [range(i, i + self.together)[: count - i] for i in range(0, count, self.together)]
         zeros = self._zeros(p, carried)
         zeros[:2] = [place.bound, place.bound_slope][: len(zeros)]
         if len(groups) == 1:

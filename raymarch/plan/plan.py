@@ -181,12 +181,12 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
     @cached_property
     def lights_as_data(self) -> bool:
         """True if the lights are rows of a texture rather than code."""
-        return self.material is not None and (self.live is not None or lights.as_data(self.scene))
+        return self.material is not None and (self.live is not None or lights.as_data(self.scene, self.prices))
 
     @cached_property
     def lights_in_cells(self) -> bool:
         """True if a grid of cells finds the lights that reach a surface."""
-        found = lights.in_cells(self.scene) if self.live is None else self.live.cells
+        found = lights.in_cells(self.scene, self.prices) if self.live is None else self.live.cells
         return self.lights_as_data and not self.standalone and found
 
     @cached_property
@@ -222,7 +222,7 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
     @property
     def compile_seconds(self) -> float:
         """Estimated seconds that a software renderer takes to compile the field and draw its first frame."""
-        return compile_seconds(self.field)
+        return compile_seconds(self.field, self.prices)
 
     @cached_property
     def sky_light(self) -> bool:
@@ -362,7 +362,7 @@ def relit(made: Plan, scene: Scene, live: LiveLights | None) -> Plan | None:
 
 def _features(made: Plan) -> list[Feature]:
     scene = made.scene
-    found = shading.features(scene, made.lights_as_data)
+    found = shading.features(scene, made.lights_as_data, made.prices)
 
     def feature(name: str, used: bool, yes: str, no: str) -> None:
         found.append(Feature(name, used, yes if used else no))

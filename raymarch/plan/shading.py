@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from raymarch.errors import Location
 from raymarch.plan import lights
+from raymarch.prices import Prices
 from raymarch.scene.bsdf import BSDF
 from raymarch.scene.light import Light
 from raymarch.scene.light_kinds import KINDS
@@ -124,9 +125,12 @@ def choices(scene: Scene, model: str, joint: bool) -> dict[str, str]:
     return found
 
 
-def features(scene: Scene, as_data: bool) -> list[Feature]:
-    """The features of lights, shadows, materials, sky and fog, used or not. as_data : whether lights are rows."""
-    return [*_of_lights(scene, as_data), *_of_materials(scene), *_of_surroundings(scene)]
+def features(scene: Scene, as_data: bool, prices: Prices) -> list[Feature]:
+    """The features of lights, shadows, materials, sky and fog, used or not.
+
+    as_data : whether lights are rows. prices : of the device.
+    """
+    return [*_of_lights(scene, as_data, prices), *_of_materials(scene), *_of_surroundings(scene)]
 
 
 def feature(name: str, used: bool, yes: str, no: str, where: Location | None = None) -> Feature:
@@ -134,7 +138,7 @@ def feature(name: str, used: bool, yes: str, no: str, where: Location | None = N
     return Feature(name, used, yes if used else no, where if used else None)
 
 
-def _of_lights(scene: Scene, as_data: bool) -> Iterator[Feature]:
+def _of_lights(scene: Scene, as_data: bool, prices: Prices) -> Iterator[Feature]:
     every = scene.lights
 
     def of(name: str, some: Sequence[Light], no: str, yes: str = "{} in the scene") -> Feature:
@@ -144,8 +148,8 @@ def _of_lights(scene: Scene, as_data: bool) -> Iterator[Feature]:
     kinds: list[type[Light]] = [*KINDS, *(type(light) for light in every)]
     for kind in dict.fromkeys(kinds):
         yield of(kind.LABEL, [light for light in every if type(light) is kind], f"no {kind.__name__} in the scene")
-    few = f"up to {lights.AS_TEXT} lights are written as code"
-    found_by = ", by cells that list those in range" if as_data and lights.in_cells(scene) else ""
+    few = f"up to {prices.lights} lights are written as code"
+    found_by = ", by cells that list those in range" if as_data and lights.in_cells(scene, prices) else ""
     yield feature("lights as data", as_data, f"{len(every)} lights in one loop{found_by}", few)
     yield of("hard shadows", [x for x in every if x.shadow and not x.soft], "no light has shadow=True", casts)
     yield of("soft shadows", [x for x in every if x.soft], "no light that casts a shadow has a softness", casts)

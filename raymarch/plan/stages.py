@@ -23,7 +23,7 @@ from raymarch.expr.operations import reads, straight_lines
 from raymarch.expr.types import FLOAT, VEC3, Type
 from raymarch.plan import analytic, lights, marching, shading
 from raymarch.plan.analytic import Analytic
-from raymarch.plan.bounding import LEAST, BoundedUnions
+from raymarch.plan.bounding import BoundedUnions
 from raymarch.plan.device import DeviceClass
 from raymarch.plan.gather import Gathered, Gatherer
 from raymarch.plan.hoisting import Hoisting
@@ -33,6 +33,7 @@ from raymarch.plan.materials import Materials, materials_of
 from raymarch.plan.motion import changes, motion_of
 from raymarch.plan.objects import Located, ObjectsInCells
 from raymarch.plan.passes import ATTACHMENTS, BEFORE, Pass, picture_passes, split_lights, with_cones
+from raymarch.prices import STANDARD, Prices
 from raymarch.scene.origin import DefaultView, default_view, origin_of, refuse_extent, seen_from
 from raymarch.scene.reading import exact_distance, read_as_distance, reads_field
 from raymarch.scene.scene import Scene
@@ -41,14 +42,6 @@ from raymarch.sdf.levels import CORRECTED, least_slope, over_slope
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
 from raymarch.sdf.visibility import KINDS, hidden_from, hiding_nodes, labels_hidden_from
-
-SLOW = 10.0
-"""Estimated seconds to compile a field from which fewer objects become rows. Twelve chess pieces of five kinds have
-their first frame in half the time; further frames take 1.6 times as long. See docs/scale.md."""
-
-COSTLY = 20_000
-"""Operations of costly objects together from which they become rows: cells spare as many evaluations as bounding
-volumes, in a shader with one function for each form. See docs/scale.md."""
 
 LARGEST = 1024
 """Largest number of shapes written as code. With more, compilers take many seconds or fail."""
@@ -80,6 +73,11 @@ class Asked:
     pictures: Sequence[Pass]
     device: DeviceClass
     live: LiveLights | None = None
+
+    @property
+    def prices(self) -> Prices:
+        """The prices of that class or device."""
+        return self.device.prices
 
     @property
     def shaded(self) -> bool:
@@ -179,26 +177,28 @@ def objects_of(asked: Asked, all_fixed: bool) -> ObjectPlan:
     """Choose the objects that are rows. all_fixed : they do not depend on the cost of their text."""
     scene, quality = asked.scene, asked.scene.quality
     live = not asked.standalone and quality.temporal != "reproject"  # motion vectors are computed for text
-    gatherer = Gatherer(quality.objects, exact_distance(scene), live)
+    gatherer = Gatherer(quality.objects, exact_distance(scene), live, asked.prices)
     chosen = gatherer.gather(scene.node)
     if all_fixed or chosen.rows or quality.objects != "auto":
         return ObjectPlan(chosen)
     fewer = gatherer.gather(scene.node, why="costly")
-    costly = _costly(fewer)
+    costly = _costly(fewer, asked.prices.skip)
     total = sum(operations for _, operations in costly)
-    if total < COSTLY or quality.bounding_volumes:
+    if total < asked.prices.costly_operations or quality.bounding_volumes:
         return ObjectPlan(chosen, fewer if fewer.rows else None)
-    each = f"{sum(n for n, _ in costly)} of them take {LEAST} operations or more, {total:,} together"
+    prices, n = asked.prices, sum(count for count, _ in costly)
+    each = f"{n} of them take {prices.skip:.0f} operations or more, {total:,} together"
+    from_on = f"{prices.costly_operations:,.0f} on they are rows"
     shared = f"each of {len(costly)} forms" if len(costly) > 1 else "all"
-    why = f"{each} (from {COSTLY:,} on they are rows); text repeats them, rows share one function for {shared}"
+    why = f"{each} (from {from_on}); text repeats them, rows share one function for {shared}"
     return ObjectPlan(replace(fewer, reason=why))
 
 
-def _costly(gathered: Gathered) -> list[tuple[int, int]]:
+def _costly(gathered: Gathered, least: float) -> list[tuple[int, int]]:
     """Of each form whose objects take so many operations that text would give them bounding volumes: the number of
     objects, and their operations together."""
     each = [(len(f), count_operations([f.columns.field.body])) for rows in gathered.rows for f in rows.forms]
-    return [(n, n * operations) for n, operations in each if operations >= LEAST]
+    return [(n, n * operations) for n, operations in each if operations >= least]
 
 
 # The field
@@ -238,8 +238,8 @@ def fields_of(
     refuse : see `plan`.
     """
     made = _Lowered(asked, objects.chosen, lowering)
-    if objects.fewer is not None and made.seconds > SLOW:
-        estimate = f"text is estimated to take {made.seconds:.0f} s to compile, more than {SLOW:.0f}"
+    if objects.fewer is not None and made.seconds > asked.prices.slow_text:
+        estimate = f"text is estimated to take {made.seconds:.0f} s to compile, more than {asked.prices.slow_text:.0f}"
         why = f"{estimate}; rows share one function for each form"
         made = _Lowered(asked, replace(objects.fewer, reason=why))
     lowering, hoist, field, gathered = made.lowering, made.hoist, made.field, made.gathered
@@ -259,7 +259,8 @@ def fields_of(
     if hidden:
         _refuse_hidden_glass(asked.scene, solid)
         seen = hoist(lowering.for_camera().field(solid))
-    closed = analytic.choose(solid, quality.analytic, hidden=bool(hidden), edges=quality.edges == "distance")
+    smooth = quality.edges == "distance"
+    closed = analytic.choose(solid, quality.analytic, bool(hidden), smooth, asked.prices)
     if closed.used:
         closed = analytic.complete(closed, solid, field, lowering, hoist)
     refuse_extent(asked.view, asked.origin, seen or field)
@@ -293,11 +294,11 @@ class _Lowered:
     """The function of the field with some objects as rows, and what makes further functions of the same nodes."""
 
     def __init__(self, asked: Asked, gathered: Gathered, lowering: Lowering | None = None) -> None:
-        self.gathered, self.lowering = gathered, lowering or Lowering()
-        self.objects = ObjectsInCells(gathered.rows)
+        self.gathered, self.lowering, self.prices = gathered, lowering or Lowering(), asked.prices
+        self.objects = ObjectsInCells(gathered.rows, asked.prices)
         self.hidden = hiding_nodes(gathered.node)
-        self.hoist = Hoisting(self.lowering.origins)
-        self.bounding = BoundedUnions(asked.scene.quality.bounding_volumes, self.hoist)
+        self.hoist = Hoisting(self.lowering.origins, asked.prices)
+        self.bounding = BoundedUnions(asked.scene.quality.bounding_volumes, self.hoist, asked.prices)
         if gathered.rows:
             self.lowering.objects = self.objects
         self.lowering.rays = None if self.hidden else "camera"
@@ -308,17 +309,17 @@ class _Lowered:
 
     @property
     def seconds(self) -> float:
-        return compile_seconds(self.field)
+        return compile_seconds(self.field, self.prices)
 
 
-def compile_seconds(field: Function) -> float:
+def compile_seconds(field: Function, prices: Prices = STANDARD) -> float:
     """Estimated seconds that a software renderer takes to compile a field and draw its first frame.
 
     Measured on llvmpipe: chains of 100, 200 and 1,000 smooth unions take 4.5, 16 and 346 s, polygons of 50 and 100
     corners 7 and 22 s. The time grows with the square of the operations in text without branches. 3,500 operations
     in bounding volumes, which are branches, take 6.5 s.
     """
-    return sum(1.2e-3 * n + 1.3e-6 * n * n for n in straight_lines([field.body]))
+    return sum(map(prices.seconds, straight_lines([field.body])))
 
 
 def _refuse_hidden_glass(scene: Scene, solid: Node) -> None:
@@ -426,4 +427,5 @@ def marching_of(asked: Asked, fields: FieldPlan, size: tuple[int, int] | None) -
     far = not all(node.facts.bounded for node in (closed.marched if closed.used else [asked.scene.node]))
     some = bool(closed.marched) or not closed.used
     ahead = partial(fields.advancing, True) if some else None
-    return marching.choose(asked.scene, marched, size, asked.standalone, cells, closed.used, far, ahead, read)
+    given = asked.scene, marched, size, asked.standalone, cells, closed.used, far, ahead, read, asked.prices
+    return marching.choose(*given)

@@ -22,6 +22,7 @@ from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, construct, expr
 from raymarch.expr.vocabulary import abs as absolute
 from raymarch.expr.vocabulary import atan2, cos, length, max, min, mod, round, sin, vec3, where
+from raymarch.prices import STANDARD
 from raymarch.sdf.booleans import balanced, union
 from raymarch.sdf.definition import Child, ChildFacts, around_y, operator
 from raymarch.sdf.domain import Angle, Count, Domain, Scalar, Size3, Vec4, Vector, Whole, as_length
@@ -49,9 +50,6 @@ field that is only a bound and may order copies wrongly; every copy."""
 
 Evaluated = Annotated[int, Domain(None, low=OWN, high=ALL)]
 
-MANY = 24
-"""Largest number of copies that are all evaluated."""
-
 UP = (0.0, 1.0, 0.0)
 
 
@@ -63,7 +61,7 @@ def _turned(p: Expr, angle: Expr) -> Expr:
 
 def _polar_bounds(child: ChildFacts, count: int, evaluated: int, **_: Any) -> tuple[Expr, Expr]:
     """The box of all copies; for very many copies, that of the cylinder which contains them."""
-    if count > MANY or evaluated == GUARDED:
+    if count > STANDARD.copies or evaluated == GUARDED:
         corner = max(absolute(child.lower), absolute(child.upper))
         return around_y(length(corner.xz), child.lower.y, child.upper.y)
     turns = [rotation_matrix(expr(UP), expr(-math.tau * i / count)) @ child.box for i in range(count)]
@@ -168,11 +166,11 @@ def polar(node: Node, count: int = 6) -> Node:
     middle, half = _wedge(node.facts)
     fraction = half * count / math.pi
     if fraction >= 1.0 - 1e-9:
-        rings = next((n for n in range(2, MANY + 1) if count % n == 0 and fraction / n < 1.0 - 1e-9), 0)
-        if count > MANY and rings:
+        rings = next((n for n in range(2, STANDARD.copies + 1) if count % n == 0 and fraction / n < 1.0 - 1e-9), 0)
+        if count > STANDARD.copies and rings:
             ring = polar(node, count // rings)
             return union(*[rotate(ring, -math.tau * i / count, "y") if i else ring for i in range(rings)])
-        if count > MANY:
+        if count > STANDARD.copies:
             raise SceneError(
                 f"polar: {node.name} takes {2.0 * half:.4g} radians about the y axis, its sector only "
                 f"{math.tau / count:.4g}",
@@ -199,7 +197,7 @@ def _ring(facts: Facts) -> tuple[float, float, float, float]:
 
 
 def _largest(half: float) -> int:
-    return int(np.clip(np.ceil(math.pi / half) - 1, MANY, 65535))
+    return int(np.clip(np.ceil(math.pi / half) - 1, STANDARD.copies, 65535))
 
 
 def _wedge(facts: Facts) -> tuple[float, float]:

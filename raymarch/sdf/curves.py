@@ -43,11 +43,12 @@ from raymarch.expr.vocabulary import (
     vec3,
     where,
 )
+from raymarch.prices import STANDARD
 from raymarch.sdf.booleans import balanced, union
 from raymarch.sdf.definition import shape
 from raymarch.sdf.domain import Domain, Points3, Positive, Scalar, Vec3, Vector, shown
 from raymarch.sdf.facts import Exactness
-from raymarch.sdf.flat import AS_TEXT, nearest_piece
+from raymarch.sdf.flat import nearest_piece
 from raymarch.sdf.node import Node
 from raymarch.sdf.placing import orient, translate
 from raymarch.sdf.rounds import cone, round_cone
@@ -102,7 +103,7 @@ def polyline_tube(
     Exact outside. A bound inside, because on the inner side of a bend a point is deeper than the field says.
     """
     corners = _distinct(points)
-    if len(corners) <= AS_TEXT:
+    if len(corners) <= STANDARD.corners:
         return sqrt(balanced([segment_squared(p, a, b) for a, b in pairwise(corners)], min)) - radius
     rows = np.concatenate([corners, np.zeros((len(corners), 1))], axis=1)
     table = Table(rows, f"a tube through {len(corners)} points")

@@ -24,6 +24,7 @@ from raymarch.expr.function import Vec2Expr, function, loop
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.tables import Table, fetch
 from raymarch.expr.vocabulary import clamp, dot, length, max, min, normalize, sqrt, vec2, vec4, where
+from raymarch.prices import STANDARD
 from raymarch.sdf.definition import cube, shape
 from raymarch.sdf.domain import Domain, Fits, NonNegative, Points2, Positive, Size2, Vec2, require, shown
 from raymarch.sdf.facts import FARTHEST
@@ -120,18 +121,13 @@ def outward(a: Any, b: Any) -> Expr:
 
 def enclosed(p: Expr, corners: Sequence[Any]) -> Expr:
     """Signed distance to the region inside a closed, counter-clockwise polyline: that of the nearest edge."""
-    if len(corners) > AS_TEXT:
+    if len(corners) > STANDARD.corners:
         return _enclosed_by_rows(p, np.array(corners))
     ends = [*corners[1:], corners[0]]
     normals = [outward(a, b) for a, b in zip(corners, ends, strict=True)]
     at_corners = [before + after for before, after in zip([normals[-1], *normals[:-1]], normals, strict=True)]
     rows = zip(corners, ends, at_corners, [*at_corners[1:], at_corners[0]], strict=True)
     return reduce(nearer, [edge(p, *row) for row in rows])
-
-
-AS_TEXT = 100
-"""Largest number of corners that are constants of the shader. More are rows of a table, and one loop: text would take
-minutes to compile."""
 
 
 def _enclosed_by_rows(p: Expr, corners: NDArray[np.float64]) -> Expr:
@@ -436,7 +432,7 @@ def polyline(p: Expr, points: Points2, thickness: Positive = 0.2) -> Expr:
 
     Exact outside, a bound inside: on the inner side of a bend the field is less than the distance to the corner.
     """
-    if len(points) <= AS_TEXT:
+    if len(points) <= STANDARD.corners:
         return sqrt(reduce(min, [segment_squared(p, a, b) for a, b in pairwise(points)])) - 0.5 * thickness
     table = Table(np.array(points), f"a line through {len(points)} points")
     return sqrt(nearest_piece(table, lambda a, b: segment_squared(p, a, b))) - 0.5 * thickness

@@ -21,10 +21,11 @@ from raymarch.expr.function import FloatExpr, Vec2Expr, function, loop
 from raymarch.expr.node import Expr, const, expr
 from raymarch.expr.tables import Table, fetch
 from raymarch.expr.vocabulary import dot, length, vec2, where
+from raymarch.prices import STANDARD
 from raymarch.sdf.definition import shape
 from raymarch.sdf.domain import Domain
 from raymarch.sdf.facts import FARTHEST
-from raymarch.sdf.flat import AS_TEXT, across, edge, leftward, nearer
+from raymarch.sdf.flat import across, edge, leftward, nearer
 
 Floats = NDArray[np.float64]
 Rows = tuple[tuple[float, ...], ...]
@@ -270,7 +271,7 @@ def _crossings(outline: Outline, i: int, others: NDArray[np.int64]) -> tuple[Flo
 
 def in_table(bulges: Any) -> bool:
     """Whether pieces are rows of a table rather than text; an arc has three times the operations of a line."""
-    return bool(np.sum(np.where(np.asarray(bulges) == 0.0, 1, 3)) > AS_TEXT)
+    return bool(np.sum(np.where(np.asarray(bulges) == 0.0, 1, 3)) > STANDARD.corners)
 
 
 @function()

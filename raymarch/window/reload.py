@@ -83,7 +83,7 @@ class Reloader:
         then reported as a change is.
         """
         self._first, self._compile = {"packed": packed(scene), "read": list(read)}, compile
-        self._lights.fit(progressive(scene), str(self.file))
+        self._lights.fit(progressive(scene), str(self.file), self.device.prices)
         self._watch.start()
         self._thread.start()
 
@@ -180,7 +180,7 @@ class Reloader:
                 scene = _loaded(file, max(HERE_AT_LEAST, HERE_FACTOR * took))
             middle = time.perf_counter()
             drawn = progressive(scene)
-            live = self._lights.fit(drawn, str(file))
+            live = self._lights.fit(drawn, str(file), self.device.prices)
             prepared = prepare(drawn, size=self.size, device=self.device, live=live)
         except RaymarchError as fault:
             self._tell(Failed(Fault.of(fault)))

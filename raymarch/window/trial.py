@@ -132,7 +132,7 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
             size, device = tuple(request["size"]), of_name(request.get("device", SOFTWARE.name))
             with _timed(times, "plan"):
                 lights = unpacked(request.get("lights"), LightMemory) or LightMemory()
-                made = prepare(found, size=size, device=device, live=lights.fit(found, scene))
+                made = prepare(found, size=size, device=device, live=lights.fit(found, scene, device.prices))
                 ready, fresh = Constants(request["constants"]).fit(made)
             if fresh:
                 with _timed(times, "compile"):
@@ -156,7 +156,7 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
             ready, fresh = Constants(request["clicks"]).fit(prepare(found, CLICKED, size, device))
             if fresh:
                 _warm(found, ready, size, {}, CLICKED)
-            rows = lights.next_rows(found, scene)
+            rows = lights.next_rows(found, scene, device.prices)
             if rows is not None:  # so that a light that comes or goes does not wait for it either
                 _warm(found, prepare(found, size=size, device=device, live=rows), size, request["params"])
 

@@ -25,7 +25,6 @@ import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
 import numpy as np
 import trimesh
@@ -37,6 +36,7 @@ from raymarch.errors import RaymarchError
 from raymarch.files import read_json, reading
 from raymarch.plan import kept_cells
 from raymarch.plan.gather import gather
+from raymarch.prices import STANDARD
 from raymarch.scene.file import load
 from raymarch.scene.quality import PRESETS, Quality
 from raymarch.sdf.meshes import mesh
@@ -171,9 +171,9 @@ PLACES = np.random.default_rng(2).uniform(-2.0, 2.0, (40, 3))
 
 
 def built_cells(file: Path) -> Any:
-    with mock.patch.multiple(kept_cells, KEPT_FROM=10, KEPT_SECONDS=0.0):
-        (rows,) = gather(rm.union(*[rm.sphere(0.2).translate(p) for p in PLACES]), "data", 0.0).rows
-        made = kept_cells.build(rows, 0.1)
+    prices = dataclasses.replace(STANDARD, kept_objects=10, kept_seconds=0.0)
+    (rows,) = gather(rm.union(*[rm.sphere(0.2).translate(p) for p in PLACES]), "data", 0.0).rows
+    made = kept_cells.build(rows, 0.1, prices)
     return [getattr(made, f.name) for f in dataclasses.fields(made)]
 
 

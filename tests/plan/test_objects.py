@@ -3,7 +3,7 @@
 import io
 import tracemalloc
 from collections import OrderedDict
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -17,8 +17,9 @@ from raymarch.expr.walk import find
 from raymarch.plan import cells, kept_cells, lists, plan
 from raymarch.plan.cells import CUT
 from raymarch.plan.explain import as_dict, show
-from raymarch.plan.gather import AS_DATA, gather
+from raymarch.plan.gather import gather
 from raymarch.plan.objects import ObjectsInCells
+from raymarch.prices import STANDARD
 from raymarch.scene.reading import exact_distance, largest_size
 from raymarch.scene.scene import all_nodes
 from raymarch.sdf.blends import REACH
@@ -273,29 +274,28 @@ def test_gradients_are_those_of_the_text():
 @pytest.mark.parametrize("k", [0.0, 0.2])
 def test_cells_are_kept_on_disk(tmp_path, monkeypatch, k):
     monkeypatch.setenv("RAYMARCH_CACHE", str(tmp_path))
-    monkeypatch.setattr(kept_cells, "KEPT_FROM", 10)
-    monkeypatch.setattr(kept_cells, "KEPT_SECONDS", 0.0)
+    prices = replace(STANDARD, kept_objects=10, kept_seconds=0.0)
     (rows,) = gather(rm.union(*objects(20), k=k), "data", 0.0).rows
-    first = kept_cells.build(rows, 0.1)
+    first = kept_cells.build(rows, 0.1, prices)
     (file,) = (tmp_path / "cells").iterdir()
     with monkeypatch.context() as patch:
         patch.setattr(cells.Builder, "run", None)
-        same = kept_cells.build(rows, 0.1)
+        same = kept_cells.build(rows, 0.1, prices)
     for field in fields(first):
         assert np.array_equal(getattr(first, field.name), getattr(same, field.name)), field.name
     content = file.read_bytes()
     for spoiled in (b"", content[: len(content) // 2]):
         file.write_bytes(spoiled)
-        assert np.array_equal(kept_cells.build(rows, 0.1).texels, first.texels) and file.read_bytes() == content
-    kept_cells.build(rows, 0.2)
-    kept_cells.build(gather(rm.union(*objects(20, seed=1), k=k), "data", 0.0).rows.popitem()[0], 0.1)
+        assert np.array_equal(kept_cells.build(rows, 0.1, prices).texels, first.texels) and file.read_bytes() == content
+    kept_cells.build(rows, 0.2, prices)
+    kept_cells.build(gather(rm.union(*objects(20, seed=1), k=k), "data", 0.0).rows.popitem()[0], 0.1, prices)
     assert len(list((tmp_path / "cells").iterdir())) == 3
     monkeypatch.setattr(kept_cells, "KEPT_BYTES", 0)
-    kept_cells.build(rows, 0.3)
+    kept_cells.build(rows, 0.3, prices)
     assert len(list((tmp_path / "cells").iterdir())) == 1
     monkeypatch.setenv("RAYMARCH_CACHE", "/dev/null/nowhere")
     with pytest.warns(UserWarning, match="20 objects are built again in each run: cannot write '/dev/null/nowhere"):
-        kept_cells.build(rows, 0.1)
+        kept_cells.build(rows, 0.1, prices)
 
 
 # Which objects
@@ -307,9 +307,9 @@ def count(node, choice="auto"):
 
 
 def test_few_objects_stay_text():
-    assert count(rm.union(*objects(AS_DATA - 2))) == 0
-    assert count(rm.union(*objects(AS_DATA))) == AS_DATA
-    assert count(rm.union(*objects(AS_DATA)), "text") == 0
+    assert count(rm.union(*objects(STANDARD.objects - 2))) == 0
+    assert count(rm.union(*objects(STANDARD.objects))) == STANDARD.objects
+    assert count(rm.union(*objects(STANDARD.objects)), "text") == 0
     assert count(rm.union(*objects(6)), "data") == 6
 
 
