@@ -14,6 +14,7 @@ from raymarch.expr.calls import checked
 from raymarch.expr.convert import holdable, numbers, short
 from raymarch.expr.node import Expr, const, var
 from raymarch.expr.types import FLOAT, MAT3, VEC3
+from raymarch.expr.vocabulary import vec3
 from raymarch.expr.walk import find
 from raymarch.sdf.affine import affine
 from raymarch.sdf.definition import shape
@@ -21,8 +22,10 @@ from raymarch.sdf.derivation import divisor_of
 from raymarch.sdf.domain import Domain
 from raymarch.sdf.evaluation import lower
 from raymarch.sdf.facts import Facts
+from raymarch.sdf.flat import circle
 from raymarch.sdf.node import Node, solid
 from raymarch.sdf.placing import material, refuse_label, translate
+from raymarch.sdf.profiles import extrude
 from raymarch.sdf.regions import Turned
 from raymarch.sdf.rows import Form, Rows, Slot
 from raymarch.sdf.solids import sphere
@@ -226,6 +229,55 @@ def moved(rows: Rows, by: Array) -> Rows:
     return rows_from(node, shifted, materials)
 
 
+# Flat shapes
+
+MOST_FLAT = 1024
+"""Maximum number of copies of a flat shape: each evaluation asks all of them."""
+
+LEGAL_FLAT = "(N, 2) positions, (N, 3) positions and factors, (N, 4) positions and vectors, or (N, 3, 3) matrices"
+
+
+def _flat_rows(node: Node, transforms: ArrayLike) -> Rows:
+    """The copies of a flat shape, as rows of a solid that has this cross-section and ends far from the plane z = 0."""
+    given = numbers("instances: transforms", transforms, LEGAL_FLAT)
+    n, shape_of_row = given.size and len(np.atleast_1d(given)), given.shape[1:]
+    if n > MOST_FLAT:
+        legal = (
+            f"up to {MOST_FLAT:,}: each evaluation asks all. Extrude the shape first, and make instances of the solid"
+        )
+        raise SceneError(f"instances: {n:,} copies of a flat shape", legal=legal)
+    if shape_of_row in ((2,), (3,)):
+        made = np.insert(given, 2, 0.0, axis=1)
+    elif shape_of_row == (4,):
+        made = np.insert(given, [2, 4], 0.0, axis=1)
+    elif shape_of_row == (3, 3):
+        made = np.zeros((n, 4, 4))
+        made[:, :2, :2], made[:, 3, :2], made[:, 3, 3] = given[:, :2, :2], given[:, 2, :2], 1.0
+        made[:, 2, 2] = np.linalg.norm(given[:, 0, :2], axis=1)
+    else:
+        raise SceneError(f"instances: transforms of shape {given.shape}", legal=LEGAL_FLAT)
+    if not node.facts.bounded:
+        raise SceneError(f"instances of {node.name}, which is unbounded", legal="a bounded shape")
+    return rows_from(extrude(node, 8.0 * float(np.max(node.facts.size, initial=1e-6))), made, None)
+
+
+SOME_FLAT = _flat_rows(circle(0.4), [(-0.6, 0.0), (0.6, 0.0), (0.0, 0.8)])
+
+
+@shape(
+    exactness=lambda copies: "exact" if len(copies) == 1 and copies.forms[0].exact else "bound",
+    bounds=lambda copies: (const(copies.lower[:2]), const(copies.upper[:2])),
+    lipschitz=lambda copies: copies.divisor * float(copies.forms[0].lipschitz.max()),
+    spread=lambda copies: float(copies.forms[0].spread.max()),
+    dimension=2,
+    called="instances",
+)
+def instanced_2d(p: Expr, copies: Annotated[Any, Domain(None, holds=Rows)] = SOME_FLAT) -> Expr:
+    """Copies of a flat shape, as rows of numbers. Each evaluation asks all of them."""
+    distance = copies.field(vec3(p, 0.0))
+    return distance if copies.divisor == 1.0 else with_bound(distance * copies.divisor, distance)
+
+
 def _are_colors(given: Any) -> bool:
     """True for a list of colours: strings, or sequences of three numbers."""
     if not isinstance(given, list | tuple) or len(given) == 0:
@@ -239,7 +291,7 @@ def instances(node: Node, transforms: ArrayLike, materials: Any = None) -> Node:
 
     Parameters
     ----------
-    node : the solid: bounded, exact or a bound, without `Param` and `time`.
+    node : the solid, or flat shape: bounded, exact or a bound, without `Param` and `time`.
     transforms : N rows, 1 or more. Shape (N, 3): positions, in units of length.
         (N, 4): x, y, z and a factor > 0 of the size, such as the radius of a `sphere(1)`:
         `np.column_stack([positions, radii])`.
@@ -248,6 +300,7 @@ def instances(node: Node, transforms: ArrayLike, materials: Any = None) -> Node:
         (N, 4, 4): matrices for row vectors, as `transform` takes them, the offset in the last row.
         (N, 3, 4): matrices for column vectors, the offset in the last column.
         A matrix is a rotation times one factor > 0, and an offset.
+        Of a flat shape up to 1,024, each without the third coordinate: (N, 2), (N, 3), (N, 4) or (N, 3, 3).
     materials : of the instances; parts of the node that have their own material keep it. None leaves it to the node.
 
         - a Material for all, or a sequence of N.
@@ -265,6 +318,11 @@ def instances(node: Node, transforms: ArrayLike, materials: Any = None) -> Node:
     ------
     SceneError : arrays of another shape, for numbers that are not finite, and for matrices that stretch.
     """
+    if isinstance(node, Node) and node.dimension == 2:
+        if materials is not None:
+            what = "instances: materials of a flat shape"
+            raise SceneError(what, legal="None; extrude the shape first, and make instances of the solid")
+        return instanced_2d(_flat_rows(node, transforms))
     if isinstance(materials, np.ndarray) or _are_colors(materials):
         materials = {"color": materials}
     if isinstance(materials, Mapping):

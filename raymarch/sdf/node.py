@@ -376,6 +376,13 @@ def at_line_of(node: Node, made: Node) -> Node:
     return made
 
 
+def operand(what: str, node: Any) -> Node:
+    """The node. SceneError if it is none. what : the operation on it, for the message."""
+    if not isinstance(node, Node):
+        raise SceneError(f"{what} of {described(node)}", legal="a node such as sphere()")
+    return node
+
+
 def solid(what: str, node: Any) -> Node:
     """The node. SceneError if it is none, or a flat shape. what : the operation on it, for the message."""
     if not isinstance(node, Node) or node.dimension != 3:

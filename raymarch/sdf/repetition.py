@@ -23,7 +23,7 @@ from raymarch.sdf.booleans import balanced, union
 from raymarch.sdf.definition import Child, ChildFacts, operator
 from raymarch.sdf.domain import Scalar, Size3, Vec3, Vector, Whole, as_length
 from raymarch.sdf.facts import Exactness, Facts
-from raymarch.sdf.node import Node, method
+from raymarch.sdf.node import Node, method, operand
 from raymarch.sdf.placing import translate, unmoved
 from raymarch.sdf.values import at_least
 
@@ -223,11 +223,10 @@ def repeat(
     Evaluates 1 copy along an axis where the child is symmetric, else 2; 2 padding + 1 times as many with padding, which
     is a union of rows of every (2 padding + 1)-th copy.
     """
+    operand("repeat", node)
     wide = integer("repeat: padding", padding, 0, 8)
-    if wide and isinstance(node, Node):
+    if wide:
         return _padded(node, spacing, count, 2 * wide + 1)
-    if not isinstance(node, Node):
-        raise SceneError(f"repeat of {short(node)}", legal="a node such as sphere()")
     width, numbers = cells_of("repeat", spacing, count, node.dimension)
     lower, upper = node.bounds
     centre, both = [], 0

@@ -133,7 +133,7 @@ def test_a_shift_is_exact_far_from_the_origin():
     ("make", "words"),
     [
         (lambda: rm.instances(rm.plane(), PLACES), "unbounded"),
-        (lambda: rm.instances(rm.circle(), PLACES), "a solid"),
+        (lambda: rm.instances(rm.circle().repeat(3), PLACES), "unbounded"),
         (lambda: rm.instances(3, PLACES), "a solid"),
         (lambda: rm.instances(rm.sphere(rm.Param("r", 1, 0.1, 2)), PLACES), "without Param"),
         (lambda: rm.instances(rm.box(1), PLACES[:, :2]), r"\(12, 2\)"),

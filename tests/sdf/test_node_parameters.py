@@ -228,8 +228,8 @@ def test_a_direction_has_a_name() -> None:
 
 
 def test_a_flat_shape_in_place_of_a_solid_is_told_what_it_lacks() -> None:
-    with pytest.raises(SceneError, match=r"polar of .*circle.*\.extrude\(height\)"):
-        rm.circle(0.2).polar(5)
+    with pytest.raises(SceneError, match=r"warp of .*circle.*\.extrude\(height\)"):
+        rm.circle(0.2).warp(lambda p: 0.1 * p)
 
 
 def test_a_mirror_image_is_named() -> None:
