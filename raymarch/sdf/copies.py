@@ -334,7 +334,8 @@ def repeat_mirrored(
     for i, n in enumerate(numbers):
         if n != 1:
             check_centred("repeat_mirrored", node, width[i], i, "the origin")
-    return mirrored_cells(node, construct(*width), *numbers[:2], numbers[2] if len(numbers) == 3 else 1)
+    nx, ny, nz = (*numbers, 1)[:3]
+    return mirrored_cells(node, construct(*width), nx, ny, nz)
 
 
 # A range of cells
