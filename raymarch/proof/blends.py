@@ -46,20 +46,23 @@ PAIRS = 1 << 15
 FAR = 1e30
 """A value beyond the reach of a fold that has one."""
 
+FOLDS = 1 << 30
+"""A height above all folds."""
+
 _A, _B = var("a", FLOAT), var("b", FLOAT)
 
 
 @dataclass(frozen=True, slots=True)
 class Tree:
-    """A tree of folds. Leaves have the numbers 0 to n - 1 in order, inner nodes follow.
+    """A tree of folds, whose leaves have the numbers 0 to n - 1 in order. A leaf has the height 0.
 
-    fold : of a and b. leaves : n expressions. parent : of each node, -1 for the root. height : 0 for leaves.
+    fold : of a and b. leaves : n expressions. above : the height of the fold that joins leaves i and i + 1, as a table
+    of maxima: row k over 2^k neighbours, (rows, n - 1).
     """
 
     fold: Expr
     leaves: Sequence[Expr]
-    parent: Whole
-    height: Whole
+    above: Whole
 
     @classmethod
     def of(cls, body: Expr, params: Sequence[Expr]) -> Tree | None:
@@ -74,30 +77,42 @@ class Tree:
             return node.op == "call" and node.data is body.data and node.args[2:] == fixed
 
         leaves: list[Expr] = []
-        nodes: list[tuple[int, int]] = []  # left and right; leaves are ~number
-        stack: list[tuple[Expr, bool]] = [(body, False)]
-        made: list[int] = []
+        gaps: list[int] = []  # the height of the fold that joins each leaf and the next one
+        stack: list[tuple[Expr, int | None]] = [(body, None)]
+        heights: list[int] = []
         while stack:
-            node, done = stack.pop()
+            node, last = stack.pop()
             if not inner(node):
                 leaves.append(node)
-                made.append(~(len(leaves) - 1))
-            elif done:
-                right, left = made.pop(), made.pop()
-                nodes.append((left, right))
-                made.append(len(nodes) - 1)
+                gaps.append(0)
+                heights.append(0)
+            elif last is None:  # the first argument, the number of its last leaf, the second one
+                stack += [(node, -1), (node.args[1], None), (node, -2), (node.args[0], None)]
+            elif last == -2:
+                heights.append(len(leaves) - 1)
             else:
-                stack += [(node, True), (node.args[1], False), (node.args[0], False)]
+                right, gap, left = heights.pop(), heights.pop(), heights.pop()
+                gaps[gap] = 1 + max(left, right)
+                heights.append(gaps[gap])
         if not MANY <= len(leaves) <= len(topological([body])):  # an expression that is used twice is two leaves
             return None
-        n = len(leaves)
-        parent, height = np.full(n + len(nodes), -1), np.zeros(n + len(nodes), np.int64)
-        for number, pair in enumerate(nodes):
-            below = [~each if each < 0 else n + each for each in pair]
-            parent[below], height[n + number] = n + number, 1 + height[below].max()
         definition = body.data
         fold = substitute([definition.body], dict(zip(definition.params, (_A, _B, *fixed), strict=True)))[0]
-        return cls(fold, leaves, parent, height)
+        return cls(fold, leaves, _maxima(np.array(gaps[:-1])))
+
+    def joined_at(self, first: Whole, second: Whole) -> Whole:
+        """The height of the fold that joins some leaves with later ones."""
+        row = np.frexp(second - first)[1] - 1
+        return np.maximum(self.above[row, first], self.above[row, second - (1 << row)])
+
+
+def _maxima(values: Whole) -> Whole:
+    """Row k has the maxima of 2^k neighbours, from each on."""
+    rows = [values]
+    while 2 << (len(rows) - 1) <= len(values):
+        step, last = 1 << (len(rows) - 1), rows[-1]
+        rows.append(np.concatenate([np.maximum(last[:-step], last[step:]), last[-step:]]))
+    return np.stack(rows)
 
 
 class Winner:
@@ -183,17 +198,16 @@ class Blend:
         count = self._count[cells]
         asked = np.flatnonzero((low <= 0.0) & (high >= 0.0) & (count <= MOST))
         if len(asked):
-            owner, leaves = self._pairs(cells[asked])
-            owner = asked[owner]
-            values = self._operands([end[owner] for end in ends], leaves, before[owner], behind[owner])
-            for first, second, rest in self._climb(owner, leaves):
+            position, leaves = self._pairs(cells[asked])
+            owner = asked[position]
+            values = self._operands(ends, owner, leaves, before, behind)
+            for first, second in self._climb(owner, leaves):
                 rows = owner[first]
                 with stretches(before[rows], behind[rows]):
                     values[:, first] = _ends(
                         self._fold(_span(values[:, first]), _span(values[:, second]))[0], len(rows)
                     )
-                values, owner = values[:, rest], owner[rest]
-            result[:, asked] = values
+            result[:, asked] = values[:, np.flatnonzero(np.diff(position, prepend=-1))]
             np.fmax(result[0], low, out=result[0])
             np.fmin(result[1], high, out=result[1])
         now.jumps = jumps
@@ -204,34 +218,42 @@ class Blend:
         kept = np.concatenate([self._kept[cell] for cell in cells])
         return np.repeat(np.arange(len(cells)), self._count[cells]), kept
 
-    def _operands(self, ends: Sequence[Array], operands: Whole, before: Array, behind: Array) -> Array:
-        """The ends of the values of N operands, each on a stretch of its own: as of `_span`, (6, N)."""
-        result = np.empty((6, len(operands)))
+    def _operands(self, ends: Sequence[Array], owner: Whole, operands: Whole, before: Array, behind: Array) -> Array:
+        """The ends of the values of N operands, each on one of some stretches: as of `_span`, (6, N); (2, N) if the
+        stretches have two ends alone, which are those of a box.
+        """
+        result = np.empty((len(ends), len(operands)))
         form_of = self._form_of[operands]
         for number in np.flatnonzero(np.bincount(form_of)):
             program, columns = self._forms[number]
             chosen = np.flatnonzero(form_of == number)
             for i in range(0, len(chosen), ROWS):
                 rows = chosen[i : i + ROWS]
-                numbers = [constant(column[self._row_of[operands[rows]]]) for column in columns]
-                with stretches(before[rows], behind[rows]):
-                    found = program(_span([end[rows] for end in ends]), *numbers)[0]
-                result[:, rows] = _ends(found, len(rows))
+                which, own = self._row_of[operands[rows]], owner[rows]
+                numbers = [constant(column[which]) for column in columns]
+                with stretches(before[own], behind[own]):
+                    found = program(_span([end[own] for end in ends]), *numbers)[0]
+                result[:, rows] = _ends(found, len(rows))[: len(result)]
         return result
 
-    def _climb(self, owner: Whole, node: Whole) -> Iterator[tuple[Whole, Whole, NDArray[np.bool_]]]:
-        """The folds of some operands of each owner, from the leaves up: the positions of the first values, of the
-        second ones, and which values are left then. A value without another passes through."""
-        parent, height = self._tree.parent, self._tree.height
-        for level in range(1, int(height.max()) + 1):
-            above = parent[node]
-            rises = (above >= 0) & (height[above] == level)
-            node = np.where(rises, above, node)
-            pair = rises[1:] & (node[1:] == node[:-1]) & (owner[1:] == owner[:-1])
-            first = np.flatnonzero(pair)
-            rest = np.concatenate([[True], ~pair])
-            yield first, first + 1, rest
-            node, owner = node[rest], owner[rest]
+    def _climb(self, owner: Whole, leaves: Whole) -> Iterator[tuple[Whole, Whole]]:
+        """The folds of some operands of each owner, in order, from the leaves up: the positions of the first values and
+        of the second ones. The value of a fold takes the place of its first one; that of an owner is at its first
+        operand. A value without another passes through.
+        """
+        apart = owner[1:] != owner[:-1]
+        level = np.full(len(apart), FOLDS)
+        level[~apart] = self._tree.joined_at(leaves[:-1][~apart], leaves[1:][~apart])
+        order = np.argsort(level, kind="stable")
+        heights, begin = np.unique(level[order], return_index=True)
+        head = np.arange(len(owner))  # of the last operand of each value: its first one
+        tail = head.copy()  # of the first operand: the last one
+        for height, gaps in zip(heights, np.split(order, begin)[1:], strict=True):
+            if height == FOLDS:
+                return
+            first, last = head[gaps], tail[gaps + 1]
+            head[last], tail[first] = first, last
+            yield first, gaps + 1
 
     def _cells(self, low: Array, high: Array) -> Whole:
         """The smallest known cell, or one that is worth making, around each box; (N,)."""
@@ -270,12 +292,11 @@ class Blend:
         """Cells of a level in some cells of the level above."""
         owner, operands = self._pairs(parents)
         margin = 1e-6 * self._edge / 2**level  # half of that of the level above, so that each cell lies in its own
-        low, high = (end[owner] + off for end, off in zip(self._box(level, place), (-margin, margin), strict=True))
-        zero = np.zeros(len(owner))
-        values = self._operands([low, high, low, high], operands, zero, zero)[:2]
-        begin, end, drops = np.arange(len(owner)), np.arange(1, len(owner) + 1), np.zeros(len(owner) + 1, np.int64)
-        owners = owner
-        for first, second, rest in self._climb(owner, operands):
+        low, high = (end + off for end, off in zip(self._box(level, place), (-margin, margin), strict=True))
+        zero = np.zeros(len(parents))
+        values = self._operands([low, high], owner, operands, zero, zero)
+        end, drops = np.arange(1, len(owner) + 1), np.zeros(len(owner) + 1, np.int64)
+        for first, second in self._climb(owner, operands):
             a, b = ((values[0, rows], values[1, rows]) for rows in (first, second))
             wins = [winner.wins(a, b) for winner in self._winners]
             values[:, first] = np.where(wins[0], a, b)
@@ -283,16 +304,15 @@ class Blend:
             with stretches(np.zeros(len(rows)), np.zeros(len(rows))):
                 fold = self._fold(still((a[0][rows], a[1][rows])), still((b[0][rows], b[1][rows])))[0]
             values[:, first[rows]] = fold.range
-            for won, lost in zip(wins, (second, first), strict=True):
-                np.add.at(drops, begin[lost[won]], 1)
-                np.add.at(drops, end[lost[won]], -1)
+            for won, begin, behind in ((wins[0], second, end[second]), (wins[1], first, second)):
+                drops[begin[won]] += 1
+                drops[behind[won]] -= 1
             end[first] = end[second]
-            values, begin, end = values[:, rest], begin[rest], end[rest]
         kept = np.cumsum(drops[:-1]) == 0
-        counts = np.bincount(owners[kept], minlength=len(codes))
+        counts = np.bincount(owner[kept], minlength=len(codes))
         self._numbers[level] |= zip(codes.tolist(), range(len(self._kept), len(self._kept) + len(codes)), strict=True)
         self._kept += np.split(operands[kept], np.cumsum(counts)[:-1])
-        self._ranges = np.concatenate([self._ranges, values.T])
+        self._ranges = np.concatenate([self._ranges, values.T[np.diff(owner, prepend=-1) > 0]])
         self._count = np.concatenate([self._count, counts])
 
 
@@ -303,8 +323,9 @@ CODE = np.array([1, 1 << 20, 1 << 40])
 def _span(ends: Sequence[Array] | Array) -> Span:
     """low, high, the two ends of the value at the centre, and those of the slope; without these it is the same all
     along."""
-    slope = (ends[4], ends[5]) if len(ends) > 4 else None
-    return Span(ends[0], ends[1], (ends[2], ends[3]), slope)
+    if len(ends) == 2:
+        return still((ends[0], ends[1]))
+    return Span(ends[0], ends[1], (ends[2], ends[3]), (ends[4], ends[5]))
 
 
 def _ends(value: Span, n: int) -> Array:

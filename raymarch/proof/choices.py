@@ -12,7 +12,7 @@ from raymarch.expr.evaluate import Rule
 from raymarch.expr.node import Expr
 from raymarch.expr.types import BOOL, Type
 from raymarch.proof.rounding import ZERO, Array
-from raymarch.proof.span import Span, condition, sides_of
+from raymarch.proof.span import Span, condition, numbered, sides_of
 
 
 def _less(strict: bool) -> Rule:
@@ -25,7 +25,7 @@ def _less(strict: bool) -> Rule:
             return condition(always, ~never)
         return condition(np.where(sides >= 0, sides == 1, always), np.where(sides >= 0, sides == 1, ~never))
 
-    return rule
+    return numbered(rule)
 
 
 def _where(node: Expr, choice: Span, a: Any, b: Any) -> Any:

@@ -14,7 +14,7 @@ from raymarch.expr.node import Expr
 from raymarch.expr.types import Type
 from raymarch.proof import rounding as r
 from raymarch.proof.rounding import ZERO, Array, Interval
-from raymarch.proof.span import Span, constant, lifted, sides_of, spanned, still
+from raymarch.proof.span import Span, constant, lifted, numbered, sides_of, spanned, still
 
 Range: TypeAlias = Callable[..., Interval]
 Slope: TypeAlias = Callable[..., Interval]
@@ -125,7 +125,7 @@ def _steps(compute: Callable[[Array], Array], before: Callable[[Interval], Inter
             at = np.where(sides >= 0, value, at[0]), np.where(sides >= 0, value, at[1])
         return Span(low, high, (at[0], at[1]), jumping_slope(low, high))
 
-    return rule
+    return numbered(rule)
 
 
 MIN, MAX = (
@@ -332,7 +332,7 @@ RULES: Mapping[str, Rule] = {
     "asin": _each(r.arcsin, _of_one(_arc_derivative)),
     "acos": _each(r.arccos, _of_one(lambda a, result: r.negative(_arc_derivative(a, result)))),
     "atan": _each(r.arctan, _of_one(lambda a, _result: r.reciprocal(r.add((np.asarray(1.0),) * 2, r.square(a))))),
-    "atan2": _atan2,
+    "atan2": numbered(_atan2),
     "sinh": _each(r.sinh, _of_one(lambda a, _result: r.cosh(a))),
     "cosh": _each(r.cosh, _of_one(lambda a, _result: r.sinh(a))),
     "tanh": _each(r.tanh, _of_one(lambda _a, result: r.sub((np.asarray(1.0),) * 2, r.square(result)))),
@@ -341,8 +341,8 @@ RULES: Mapping[str, Rule] = {
     "ceil": _steps(np.ceil),
     "sign": _steps(np.sign),
     "round": _steps(np.floor, lambda a: r.add(a, (np.asarray(0.5),) * 2)),
-    "fract": _fract,
-    "mod": _mod,
+    "fract": numbered(_fract),
+    "mod": numbered(_mod),
     "step": _each(
         lambda edge, x: (np.where(x[0] >= edge[1], 1.0, 0.0), np.where(x[1] < edge[0], 0.0, 1.0)),
         lambda _edge, _x, result: jumping_slope(*result),

@@ -37,7 +37,7 @@ ROWS = 1 << 12
 SIDES = 3
 """Most operations that jump on a stretch whose sides are evaluated one by one."""
 
-LEAST = 0.5
+LEAST = 1.0
 """Value at the centre of a stretch whose sides are evaluated, over the length from there to its farther end: of shorter
 ones nine in ten are shown to be free so, of longer ones one in four."""
 
@@ -176,7 +176,8 @@ class Operands:
                     slope = found.slope or ZERO
                     for result, value in zip(results, (*found.range, *found.at, *slope), strict=True):
                         result[some] = value
-                    self._on_both_sides(rays, self.forms[number], part, middle, some, np.array(jumps), results)
+                    if jumps:
+                        self._on_both_sides(rays, self.forms[number], part, middle, some, np.array(jumps), results)
         for low, high in zip(results[::2], results[1::2], strict=True):
             low[np.isnan(low)], high[np.isnan(high)] = -np.inf, np.inf
         if self.whole:
@@ -232,51 +233,56 @@ class Operands:
     ) -> None:
         """Sharper ranges of the stretches over a few jumps: the hull of the values on all sides. At each point the
         field has the value of one side, so all values lie within the hull of those at the centre and of the slopes.
+        Where one operation is given its side, others may jump no more: so each is parted by its first jump alone.
         Stretches that are long for the value at their centre are halved first: that parts most jumps, for less.
         """
-        if not len(jumps):
-            return
         reach = np.maximum(middle - part.start, part.end - middle)
         worth = ~(results[0][some] > 0.0) & ~(results[3][some] <= LEAST * reach)
-        count = np.where(worth, jumps.sum(axis=0), 0)
-        every, sides = _sides(jumps, count)
+        rows = tried = np.flatnonzero(worth & jumps.any(axis=0) & (jumps.sum(axis=0) <= SIDES))
         ends = [np.full(len(part), end) for end in (np.inf, -np.inf) * 3]
-        for i in range(0, len(every), ROWS):
-            rows = every[i : i + ROWS]
-            own, centre = part[rows], middle[rows]
-            with stretches(up(centre - own.start), up(own.end - centre)), jumping(sides[:, i : i + ROWS]):
-                points = rays.points(own.rays, own.start, own.end, centre)
-                found = form.enclose(points, self.row_of[own.operands])
-            values = (found.range, found.at, found.slope or ZERO)
-            for low, high, value in zip(ends[::2], ends[1::2], values, strict=True):
-                np.minimum.at(low, rows, np.where(np.isnan(value[0]), -np.inf, value[0]))
-                np.maximum.at(high, rows, np.where(np.isnan(value[1]), np.inf, value[1]))
-        tried = np.unique(every)
+        jumps, sides = jumps[:, rows], np.full((len(jumps), len(rows)), -1, np.int8)
+        for left in reversed(range(SIDES)):
+            rows, sides = np.tile(rows, 2), _parted(sides, jumps)
+            found, jumps = self._given_sides(rays, form, part[rows], middle[rows], sides)
+            done = ~jumps.any(axis=0) | (found[0] > 0.0) | (left == 0)
+            for low, high, first, last in zip(ends[::2], ends[1::2], found[::2], found[1::2], strict=True):
+                np.minimum.at(low, rows[done], first[done])
+                np.maximum.at(high, rows[done], last[done])
+            rows, sides, jumps = rows[~done], sides[:, ~done], jumps[:, ~done]
         for result, end, inner in zip(results, ends, (np.fmax, np.fmin) * 3, strict=True):
             result[some[tried]] = inner(result[some[tried]], end[tried])
+
+    def _given_sides(
+        self, rays: Rays, form: Form | Blended, part: Stretch, middle: Array, sides: Array
+    ) -> tuple[Array, Array]:
+        """The ends of range, value at the centre and slope on stretches, (6, N), and what still jumps."""
+        found, jumps = np.empty((6, len(part))), np.zeros(sides.shape, bool)
+        for i in range(0, len(part), ROWS):
+            own, centre, here = part[i : i + ROWS], middle[i : i + ROWS], slice(i, i + ROWS)
+            with stretches(up(centre - own.start), up(own.end - centre)), jumping(sides[:, here]) as more:
+                points = rays.points(own.rays, own.start, own.end, centre)
+                span = form.enclose(points, self.row_of[own.operands])
+            for result, end in zip(found, (*span.range, *span.at, *(span.slope or ZERO)), strict=True):
+                result[here] = end
+            jumps[:, here] = more
+        for end, unknown in zip(found, (-np.inf, np.inf) * 3, strict=True):
+            end[np.isnan(end)] = unknown
+        return found, jumps
 
     def met(self, rays: Rays, start: Array, end: Array) -> Stretch:
         """The parts of all rays, from start to end, in the boxes of the operands."""
         return self.boxes.met(rays, start, end)
 
 
-def _sides(jumps: Array, count: Array) -> tuple[Whole, Array]:
-    """The stretches over up to `SIDES` jumps, each once for all combinations of sides, and the sides as of
-    `Stretches.sides`.
+def _parted(sides: Array, jumps: Array) -> Array:
+    """The stretches on one side of their first jump, then on the other: (operations, 2 n).
 
-    jumps : (operations, n). count : jumps of each stretch, (n,).
+    sides : as of `Stretches.sides`, (operations, n). jumps : where each operation has two values, (operations, n).
     """
-    every, sides = [np.zeros(0, np.int64)], [np.zeros((len(jumps), 0), np.int8)]
-    for k in range(1, SIDES + 1):
-        rows = np.flatnonzero(count == k)
-        which = np.argsort(~jumps[:, rows], axis=0, kind="stable")[:k]
-        for combination in range(2**k if len(rows) else 0):
-            chosen = np.full((len(jumps), len(rows)), -1, np.int8)
-            for j in range(k):
-                chosen[which[j], np.arange(len(rows))] = combination >> j & 1
-            every.append(rows)
-            sides.append(chosen)
-    return np.concatenate(every), np.concatenate(sides, axis=1)
+    n = sides.shape[1]
+    both, first = np.tile(sides, 2), np.tile(jumps.argmax(axis=0), 2)
+    both[first, np.arange(2 * n)] = np.repeat(np.int8([0, 1]), n)
+    return both
 
 
 def _assumed(roots: Sequence[Node]) -> tuple[str, ...]:

@@ -67,7 +67,7 @@ def add(a: Interval, b: Interval) -> Interval:
 
 def _error(total: Array, a: Array, b: Array) -> Array:
     """At least the rounding error of a + b. The greater term's difference is exact (Dekker 1971)."""
-    return np.where((total - a == b) & (total - b == a), 0.0, np.abs(total) * ULP)
+    return np.abs(total) * ULP * ((total - a != b) | (total - b != a))
 
 
 def sub(a: Interval, b: Interval) -> Interval:
@@ -103,15 +103,12 @@ def mul(a: Interval, b: Interval) -> Interval:
 
 
 def square(a: Interval) -> Interval:
-    below, above = np.abs(a[0]), np.abs(a[1])
-    least = np.where((a[0] <= 0.0) & (a[1] >= 0.0), 0.0, np.minimum(below, above))
-    most = np.maximum(below, above)
+    least, most = absolute(a)
     return np.maximum(down(least * least), 0.0), np.where(most == 0.0, 0.0, up(most * most))
 
 
 def absolute(a: Interval) -> Interval:
-    low, high = np.abs(a[0]), np.abs(a[1])
-    return np.where((a[0] <= 0.0) & (a[1] >= 0.0), 0.0, np.minimum(low, high)), np.maximum(low, high)
+    return np.maximum(np.maximum(a[0], -a[1]), 0.0), np.maximum(a[1], -a[0])
 
 
 def magnitude(a: Interval) -> Array:

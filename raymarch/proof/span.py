@@ -10,6 +10,8 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from raymarch.expr.arrays import lift
+from raymarch.expr.evaluate import Rule
+from raymarch.expr.node import Expr
 from raymarch.expr.types import Type
 from raymarch.proof import rounding as r
 from raymarch.proof.rounding import Array, Interval
@@ -67,7 +69,7 @@ def stretches(before: Array, behind: Array) -> Iterator[None]:
 
 @contextmanager
 def jumping(sides: Array | None = None) -> Iterator[list[Array]]:
-    """Ask one evaluation which operations jump, or give each its side."""
+    """Ask one evaluation which operations jump; those of which a side is given do not."""
     now.jumps, now.sides, now.count = [], sides, 0
     try:
         yield now.jumps
@@ -86,7 +88,22 @@ def sides_of(two: Array) -> Array | None:
     if now.sides is None:
         now.jumps += list(flat.T)
         return None
-    return now.sides[first : now.count].T.reshape(wide.shape)
+    given = now.sides[first : now.count]
+    now.jumps += list(flat.T & (given < 0))
+    return given.T.reshape(wide.shape)
+
+
+def numbered(rule: Rule) -> Rule:
+    """The rule of an operation that may jump. It has its numbers in each evaluation, also where it cannot jump."""
+
+    def counted(node: Expr, *values: Any) -> Any:
+        first = now.count
+        found = rule(node, *values)
+        if now.count == first:
+            sides_of(np.zeros((1, *node.type.shape), bool))
+        return found
+
+    return counted
 
 
 def still(value: Interval) -> Span:
