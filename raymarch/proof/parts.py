@@ -281,7 +281,7 @@ def _parted(sides: Array, jumps: Array) -> Array:
     """
     n = sides.shape[1]
     both, first = np.tile(sides, 2), np.tile(jumps.argmax(axis=0), 2)
-    both[first, np.arange(2 * n)] = np.repeat(np.int8([0, 1]), n)
+    both[first, np.arange(2 * n)] = np.repeat(np.array([0, 1], np.int8), n)
     return both
 
 
