@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from raymarch.errors import SceneError
 from raymarch.expr.convert import described, short
-from raymarch.expr.peers import meant
+from raymarch.expr.peers import NEEDED, meant
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -88,4 +88,4 @@ def bad_call(
             twice = f"{what} was given '{name}' twice: by position {first}, by name {second}"
             return SceneError(twice, legal=f"its parameters are {legal}")
     missing = [name for name in names[len(args) :] if name in needed and name not in kwargs]
-    return SceneError(f"{what} needs '{missing[0]}'", legal=legal) if missing else None
+    return SceneError(f"{what} needs '{missing[0]}'", legal=NEEDED.get(what, legal)) if missing else None

@@ -10,12 +10,14 @@ import os
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from types import FunctionType
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import Location, RaymarchError, SceneError, is_users, user_location
+from raymarch.expr.peers import meant_among
 
 T = TypeVar("T")
 
@@ -34,6 +36,8 @@ def short(value: Any) -> str:
         return f"an integer of {value.bit_length()} bits"
     if isinstance(value, tuple | list | dict | set | frozenset | str | bytes) and len(value) > 64:
         return f"a {type(value).__name__} of {len(value)}"
+    if isinstance(value, FunctionType):
+        return f"the function {value.__name__}"
     try:
         text = " ".join(repr(value).split())
     except Exception:
@@ -101,7 +105,8 @@ def choice(what: str, value: Any, among: Sequence[str], legal: str = "") -> str:
     """Check that a value is one of some names."""
     given = plain(value)
     if not isinstance(given, str) or given not in among:
-        raise SceneError(f"{what} = {short(value)}", legal=legal or ", ".join(map(repr, among)))
+        legal = meant_among(given, among) + (legal or ", ".join(map(repr, among)))
+        raise SceneError(f"{what} = {short(value)}", legal=legal)
     return str(given)
 
 

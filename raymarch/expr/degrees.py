@@ -5,11 +5,17 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from raymarch.errors import Location, user_location, warn
 from raymarch.expr.convert import plain
+from raymarch.expr.node import Expr
 
 DEGREES = frozenset({30, 45, 60, 90, 120, 135, 150, 180, 225, 270, 315, 360})
-"""Usual angles in degrees. None of them is a usual angle in radians."""
+"""Usual angles in degrees. None of them is a usual angle in radians, or in radians per unit of length or time."""
+
+TURNS = DEGREES.union(range(10, 361, 5), range(36, 361, 36), range(18, 361, 36))
+"""More of them, for angles that are no rate: a twist of 10 radians per unit is a rope, a turn by 10 is a mistake."""
 
 WHOLE = range(15, 121)
 """Fields of view in whole degrees; in radians they are numbers that nobody writes as degrees."""
@@ -37,10 +43,14 @@ def _warn_once(what: str, message: str) -> None:
 def suspect_degrees(what: str, angle: Any, unit: str = "radians") -> None:
     """A SceneWarning for a number of radians that is a usual angle in degrees.
 
-    what : the parameter, as in "rotate: angle". unit : "radians", or "radians per unit".
+    what : the parameter, as in "rotate: angle". unit : "radians", or "radians per unit". A multiple of `time`, such as
+        90 * time, counts as radians per second.
     """
     given = _number(angle)
-    if given is not None and abs(given) in DEGREES:
+    if isinstance(angle, Expr) and angle.op == "mul" and {part.op for part in angle.args} == {"const", "time"}:
+        factor = next(part.data for part in angle.args if part.op == "const")
+        what, unit, given = f"{what} / time", "radians per second", float(factor) if np.ndim(factor) == 0 else None
+    if given is not None and abs(given) in (TURNS if unit == "radians" else DEGREES):
         turns = f"{math.fabs(given) / math.tau:.1f} turns{unit.removeprefix('radians')}"
         _warn_once(what, f"{what} = {given:g} {unit} is {turns} (for degrees, math.radians({given:g}))")
 

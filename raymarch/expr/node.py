@@ -101,7 +101,8 @@ class Expr:
 
     def __bool__(self) -> bool:
         what = f"an expression ({self.op}: {self.type}) has no truth value while the scene is being built"
-        raise SceneError(what, legal="use rm.where(condition, a, b) in place of if, and & | ~ in place of and, or, not")
+        words = "rm.min and rm.max in place of min and max, rm.where(condition, a, b) in place of if"
+        raise SceneError(what, legal=f"use {words}, and & | ~ in place of and, or, not")
 
     def __float__(self) -> float:
         if self.op == "const" and self.type is FLOAT:
@@ -370,7 +371,8 @@ def product(a: Operand, b: Operand) -> Expr:
 def compare(op: str, a: Operand, b: Operand) -> Expr:
     left, right = args = exprs((a, b))
     if left.type is not FLOAT or right.type is not FLOAT:
-        raise SceneError(f"cannot order {left.type} and {right.type}", legal="two scalars; take components first")
+        legal = "two scalars, such as components; rm.min and rm.max, which take vectors, in place of min and max"
+        raise SceneError(f"cannot order {left.type} and {right.type}", legal=legal)
     return simplify(op, BOOL, args)
 
 

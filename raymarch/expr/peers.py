@@ -282,6 +282,28 @@ WITHOUT = _keys(
 )
 """Names of parameters that a function does not have, and what to use in their place."""
 
+CHOICES = _keys(
+    {
+        "fillet rounded": "round",
+        "smooth smin poly polynomial": "quadratic",
+        "bevel": "chamfer",
+        "exp": "exponential",
+        "power": "root",
+        "raytracing raytrace recursive": "whitted",
+        "pathtracing pathtrace pathtracer": "path",
+        "filmic hable uncharted2": "aces",
+        "ortho parallel isometric": "orthographic",
+        "accumulation progressive": "accumulate",
+        "taa reprojection": "reproject",
+    }
+)
+"""Values of other tools for an argument that is one of some words."""
+
+NEEDED = {
+    "noise": "two numbers or colours, between which it is a pattern; rm.value_noise(p) and rm.fbm(p) are numbers",
+}
+"""Functions that other tools have by the same name with fewer arguments, and what these take or are called here."""
+
 WITH_SCENES = _keys(
     {
         "render draw image picture": "rm.render(scene)",
@@ -356,6 +378,15 @@ def meant(name: str, known: Sequence[str]) -> str:
     if close is not None:
         return f"did you mean '{close}'? "
     return f"use {WITHOUT[key(name)]}; " if key(name) in WITHOUT else ""
+
+
+def meant_among(given: object, among: Sequence[str]) -> str:
+    """ "did you mean 'round'? " for a word that other tools have, or that is close to a legal one, or nothing."""
+    if not isinstance(given, str):
+        return ""
+    other = CHOICES.get(key(given))
+    close = other if other in among else _nearest(given, among) if given.strip() else None
+    return "" if close is None else f"did you mean '{close}'? "
 
 
 def unknown_function(name: str, names: Collection[str], methods: Collection[str]) -> UnknownNameError:

@@ -18,8 +18,8 @@ from raymarch.scene.legal import solid_at
 from raymarch.scene.light import has_area
 from raymarch.scene.origin import ULP
 from raymarch.scene.parameter import Values
-from raymarch.scene.scene import Scene, all_nodes
-from raymarch.scene.studio import GROUND, in_studio
+from raymarch.scene.scene import Scene, all_nodes, is_cut_away
+from raymarch.scene.studio import GROUND, SAMPLES, in_studio
 from raymarch.sdf import levels
 from raymarch.sdf.facts import beyond
 from raymarch.sdf.sampled_facts import quick_contradictions, stated_by_user
@@ -70,6 +70,9 @@ def doubts_of(
     missed = is_sky(frame.color, scene, pose, values) and not np.any(np.isfinite(frame.depth))
     if missed or (may_be_ground(frame.color, scene) and is_ground(frame.material, scene)):
         found.append(nothing_visible(scene, values))
+    elif not any(found) and is_plain(frame, scene):
+        cure = "another place of the camera, as Camera(position=..., target=...)"
+        found.append(Doubt("picture", "the picture has one colour: a flat surface fills it", cure))
     return [doubt for doubt in found if doubt is not None]
 
 
@@ -88,8 +91,13 @@ def nothing_visible(scene: Scene, values: Values) -> Doubt | None:
     if (subject := now.subject) is None:
         return None
     ends = ["({})".format(", ".join(f"{v:.4g}" for v in end)) for end in (subject.lower, subject.upper)]
-    what = f"nothing is visible: no ray hits the solid, which lies between {ends[0]} and {ends[1]}"
-    return Doubt("picture", what)
+    place = f"between {ends[0]} and {ends[1]}"
+    if is_cut_away(scene.node):
+        return Doubt("picture", f"nothing is visible: nothing is left of the solid {place}", "a smaller cut")
+    what = f"nothing is visible: no ray hits the solid, which lies {place}"
+    if scene.camera.position is not None:
+        return Doubt("picture", what, "another target, or no camera at all: it then sees all of the solid")
+    return Doubt("picture", what, "it may be thinner than a pixel: a larger picture, or a camera near a part of it")
 
 
 def contradicted(scene: Scene, values: Values) -> list[Doubt]:
@@ -127,8 +135,9 @@ def noisy(scene: Scene) -> Doubt | None:
     """The doubt of path-traced light, a lens, an open shutter or a light of some size with one random path or point a
     pixel; None if there are more, or none."""
     quality, cure = scene.quality, "--samples 64 or Quality(samples=64)"
-    if quality.samples > 1 or quality.temporal != "off":
+    if quality.samples > (SAMPLES if in_studio(scene) and scene.path_traced else 1) or quality.temporal != "off":
         return None
+    paths = "one random path" if quality.samples == 1 else f"{quality.samples} random paths"
     if scene.camera.lens:
         return Doubt("picture", "Camera(aperture=...) is noisy with one ray a pixel", cure)
     if scene.motion_blur:
@@ -143,8 +152,9 @@ def noisy(scene: Scene) -> Doubt | None:
         cure = "--samples 16, or Quality(light_samples=16)"
         return Doubt("picture", f"{name} is noisy with one random point a pixel", cure)
     if not any(m.transmits for m in scene.materials):
-        return Doubt("picture", "path-traced light is noisy with one random path a pixel", cure)
-    return Doubt("picture", "glass is noisy with one random path a pixel", f"{cure}; or integrator='whitted'")
+        return Doubt("picture", f"path-traced light is noisy with {paths} a pixel", cure)
+    cure = cure if any(m.frosted for m in scene.materials) else f"{cure}; or integrator='whitted'"
+    return Doubt("picture", f"glass is noisy with {paths} a pixel", cure)
 
 
 def inside(ready: Prepared, values: Values, pose: Pose, size: tuple[int, int]) -> Doubt | None:
@@ -177,8 +187,12 @@ def coarse(ready: Prepared, pose: Pose, height: int) -> Doubt | None:
     pixels = rounding / float(pose.footprint(away, height)) if away > 0.0 else 0.0
     if pixels < 0.5:
         return None
-    what = f"the camera is {away:.3g} from what it shows, where float32 holds points within {pixels:.2g} pixels"
-    return Doubt("values", what, "a nearer camera, as projection='orthographic'")
+    where, cure = f"{away:.3g} from what it shows", "a nearer camera, as projection='orthographic'"
+    if (middle := float(np.max(np.abs(pose.position - ready.plan.origin)))) > 10.0 * away:
+        where = f"{middle:.3g} from the middle of what it shows"
+        cure = "a smaller solid, as a plane in place of a planet"
+    what = f"the camera is {where}, where float32 holds points within {pixels:.2g} pixels"
+    return Doubt("values", what, cure)
 
 
 def _rounding(ready: Prepared, pose: Pose) -> tuple[float, float]:
@@ -226,15 +240,33 @@ DARK, MOSTLY = 2e-3, 0.5
 
 
 def dark(color: NDArray[Any], scene: Scene) -> Doubt | None:
-    """The doubt of a picture that is mostly black; None if it is not, or if its sky is black."""
+    """The doubt of a picture that is mostly black, or partly in a scene without any light; None if its sky is black."""
     share = float(np.mean(np.max(color, axis=-1) < DARK))
-    sky = scene.sky.radiance
-    if share <= MOSTLY or (share < 1.0 and sky.is_constant and not np.any(sky.data)):
+    sky, unlit = scene.sky.radiance, not scene.lights and not scene.sky.lights
+    some = 0.01 if unlit and not any(m.emits or m.transmits for m in scene.materials) else MOSTLY
+    if share <= some or (share < 1.0 and sky.is_constant and not np.any(sky.data)):
         return None
     what = f"{share:.0%} of the picture is black: "
-    if not scene.lights and not scene.sky.lights:
+    if unlit:
         return Doubt("picture", what + "the scene has no light", "lights=[Sun()], or Sky(..., light=True)")
     return Doubt("picture", what + "the lights are too weak, too far or hidden", "a higher intensity, or another place")
+
+
+NEARLY_ALL = 0.98
+"""Share of a picture that is the picture, where a few of its pixels show the horizon or an edge."""
+
+
+def has_one_color(color: NDArray[Any]) -> bool:
+    """True if nearly all pixels are as alike as a flat surface. False for a black picture: that has its own doubt."""
+    every = -(-max(color.shape[:2]) // 256)
+    low, high = np.quantile(color[::every, ::every], (1.0 - NEARLY_ALL, NEARLY_ALL), axis=(0, 1))
+    return bool(np.all(high - low <= 0.02 * high) and np.max(high) >= DARK)
+
+
+def is_plain(frame: Frame, scene: Scene) -> bool:
+    """True if one flat surface fills a picture whose camera has no stated position."""
+    plain = scene.camera.position is None and has_one_color(frame.color)
+    return plain and bool(np.mean(np.isfinite(frame.depth)) >= NEARLY_ALL)
 
 
 def is_sky(color: NDArray[Any], scene: Scene, pose: Pose, values: Values) -> bool:

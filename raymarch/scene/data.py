@@ -144,7 +144,9 @@ def colormap(
     if isinstance(value, Expr):
         mapped = made((value - first) / (last - first))
         return where(abs(value) < BEYOND, mapped, absent) if _may_lack(value) else mapped
-    given = numbers_or_missing("colormap: value", value, "an expression, a number, or an array of numbers")
+    legal = "an expression, a number, or an array of numbers"
+    legal = f"{legal}; of a function, lambda p: colormap(values(p))" if callable(value) else legal
+    given = numbers_or_missing("colormap: value", value, legal)
     if not (first.is_constant and last.is_constant):
         raise SceneError("colormap of numbers between expressions", legal="low and high as numbers")
     lacks = np.isnan(given) | (np.abs(given) >= BEYOND) & np.isfinite(given)

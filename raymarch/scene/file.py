@@ -62,8 +62,31 @@ def load(path: str | os.PathLike[str], source: bytes | None = None) -> Scene:
             f"the scene file exited Python (SystemExit: {fault.code})", where=_line_in(fault, name)
         ) from None
     except Exception as fault:
-        legal = _parameters(fault) if isinstance(fault, TypeError) else ""
-        raise SceneError(f"{type(fault).__name__}: {fault}", legal=legal, where=_line_in(fault, name)) from fault
+        what, legal = _in_our_words(fault)
+        raise SceneError(what, legal=legal, where=_line_in(fault, name)) from fault
+
+
+HABITS = {"rm": "import raymarch as rm", "np": "import numpy as np", "math": "import math", "pi": "rm.pi"}
+"""Names that a scene file uses and forgets to import."""
+
+
+def _in_our_words(fault: Exception) -> tuple[str, str]:
+    """A Python exception as a fault and its cure, which is "" where none is known."""
+    package, text = sys.modules.get("raymarch"), str(fault)
+    what = f"{type(fault).__name__}: {text}"
+    if isinstance(fault, NameError):
+        known = fault.name in getattr(package, "__all__", ())
+        return text, HABITS.get(str(fault.name), f"rm.{fault.name}, with import raymarch as rm" if known else "")
+    if isinstance(fault, ImportError) and (named := re.match(r"cannot import name '(\w+)' from 'raymarch'", text)):
+        try:
+            getattr(package, named[1])
+        except RaymarchError as said:
+            return said.what, said.legal
+    if isinstance(fault, AttributeError) and (named := re.match(r"type object '(\w+)' has no attribute '(\w+)'", text)):
+        owner = getattr(package, named[1], None)
+        own = [key for key, value in vars(owner).items() if isinstance(value, classmethod)] if owner else []
+        return f"{named[1]} has no '{named[2]}'", ", ".join([f"{named[1]}(...)", *(f"{named[1]}.{key}" for key in own)])
+    return what, _parameters(fault) if isinstance(fault, TypeError) else ""
 
 
 def _parameters(fault: TypeError) -> str:

@@ -39,6 +39,13 @@ FACE = 200
 LARGE = 200
 """Nodes of a solid above which its boxes are framed: samples of its field would take longer than a few milliseconds."""
 
+WIDE = 6.0
+"""A solid that moves or grows with its Params over more than this many of its own diagonals is framed at their
+defaults alone: elsewhere it would be a speck."""
+
+USUAL = 4.665
+"""Distance from the origin at which a camera that frames `CUBE` stands, in pictures that are wider than high."""
+
 TIMES = (0.0, 0.4, 0.9, 1.5, 2.2, 3.0, 3.9, 4.9)
 """Seconds at which a solid that reads time is sampled. Their steps differ, so few motions repeat with them."""
 
@@ -149,6 +156,11 @@ def _outside(part: Node, few: bool) -> Points:
     fields = list(_fields(part)) if few and not point else []
     found = [_surface(field, *box) for field in fields]
     seen = np.concatenate(found) if found else np.zeros((0, 3))
+    usual = list(_fields(part, ends=False)) if found else []
+    if len(usual) < len(fields) and len(seen):
+        near, within = _closer(usual, *box)
+        if len(near) >= 4 and WIDE * np.linalg.norm(np.ptp(near, axis=0)) < np.linalg.norm(np.ptp(seen, axis=0)):
+            return _to_corners(near, *within)
     if len(seen) < 4:
         return corners(*box)
     if not np.all(np.ptp(seen, axis=0) > 0.8 * (box[1] - box[0])):
@@ -159,6 +171,26 @@ def _outside(part: Node, few: bool) -> Points:
     ends, size = corners(*box), np.linalg.norm(box[1] - box[0])
     own = [ends[field(ends) <= 1e-6 * size] for field in fields]  # the corners of a box belong to it
     return np.concatenate([_to_corners(seen, *box), *own])
+
+
+def is_hollow(part: Node) -> bool:
+    """True if samples of the field of a bounded solid find neither a surface nor an inside."""
+    lower, upper = np.array(part.facts.lower), np.array(part.facts.upper)
+    if len(all_nodes(part)) > LARGE or not np.any(upper > lower):
+        return False
+    fields, samples = list(_fields(part)), _grid(lower, upper)
+    inside = (bool(np.any(field(samples) <= 0.0)) for field in fields)
+    return bool(fields) and not any(inside) and not any(len(_surface(field, lower, upper)) for field in fields)
+
+
+def _closer(fields: list[Field], lower: Points, upper: Points) -> tuple[Points, tuple[Points, Points]]:
+    """Points on the surfaces, and a box about them, from looks into ever smaller boxes."""
+    found = np.concatenate([_surface(field, lower, upper) for field in fields])
+    while len(found) and not np.all(np.ptp(found, axis=0) > 0.7 * (upper - lower)):
+        low, high = _padded(found)
+        lower, upper = np.maximum(lower, low), np.minimum(upper, high)
+        found = np.concatenate([_surface(field, lower, upper) for field in fields])
+    return found, (lower, upper)
 
 
 def _padded(points: Points) -> tuple[Points, Points]:
@@ -174,21 +206,22 @@ def _to_corners(points: Points, lower: Points, upper: Points) -> Points:
     return np.clip(middle + (points - middle) * (EDGE / (EDGE - 1.0)), lower, upper)
 
 
-def _fields(node: Node) -> Iterator[Field]:
-    """The field at several times, and with all Params at their defaults, least and greatest values."""
+def _fields(node: Node, ends: bool = True) -> Iterator[Field]:
+    """The field at several times, with all Params at their defaults and, with `ends`, least and greatest values."""
     field = field_of(node)
     if without_twin(field.body):
         return
     evaluate = evaluator_of(field)
     specs = {leaf.data.name: leaf.data for leaf in find([field.body], "param")}
-    ends = [
+    choices = [{n: s.value for n, s in specs.items()}]
+    choices += [
         {
             n: s.value if (at := getattr(s, end)) is None else np.broadcast_to(at, np.shape(s.value))
             for n, s in specs.items()
         }
         for end in ("min", "max")
+        if specs and ends
     ]
-    choices = [{n: s.value for n, s in specs.items()}, *(ends if specs else [])]
     for time, params in product(TIMES if find([field.body], "time") else TIMES[:1], choices):
 
         def values(points: Points, time: float = time, params: dict[str, object] = params) -> NDArray[np.float64]:
@@ -240,7 +273,7 @@ def _sought(fields: list[Field]) -> Points | None:
 
 def _inside(field: Field) -> Framed:
     """The place of a camera in a solid without end: where it sees surfaces at many distances, none of them near."""
-    usual = VIEW * (3.2 / np.linalg.norm(VIEW))
+    usual = VIEW * (USUAL / np.linalg.norm(VIEW))
     for half in WINDOWS:
         places = np.concatenate([usual[None], _grid(np.full(3, -half), np.full(3, half))])
         free = field(places)
@@ -253,13 +286,14 @@ def _inside(field: Field) -> Framed:
     reached = _trace(field, np.repeat(places, len(ahead), axis=0), np.tile(ahead, (len(places), 1)))
     reached = reached.reshape(len(places), -1)
     hits = np.mean(reached < HORIZON, axis=1)
-    if free[0] > 0.0 and hits[0] >= 0.3 and reached[0].min() > 0.5:
+    before = np.linspace(0.7, 1.0, 4)[:, None] * usual  # nothing of it is close in front of the camera
+    if np.min(field(before)) > 0.5 and hits[0] >= 0.3 and reached[0].min() > 0.5:
         return Framed(CUBE)
     depth = np.mean(np.log(np.clip(reached, 1e-9, HORIZON)), axis=1)
     score = np.where((free > 0.0) & (hits >= 0.3), depth, -np.inf)
     best = int(np.argmax(score))
     if not np.isfinite(score[best]):
-        return Framed(CUBE, sees=False)
+        return Framed(CUBE, sees=bool(free[0] > 0.5 and np.any(reached[0] < HORIZON)))
     ahead_of_it = -VIEW / np.linalg.norm(VIEW) * float(np.median(reached[best]))
     edge = _uncut(field, 2.5 * float(np.exp(depth[best])))
     return Framed(CUBE + places[best] + ahead_of_it, places[best], cube=edge)

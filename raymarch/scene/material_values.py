@@ -52,9 +52,10 @@ def material_value(name: str, value: Any, size: int, low: float, high: float) ->
         return _picture(what, value, size, low, high)
     if _is_file(value) or (isinstance(value, np.ndarray) and value.ndim > 1):
         given = f"an array of shape {value.shape}" if isinstance(value, np.ndarray) else f"'{fspath(value)}'"
-        raise SceneError(
-            f"{what}: {given} has no projection", legal="planar(picture, size) or triplanar(picture, size)"
-        )
+        legal = "planar(picture, size) or triplanar(picture, size)"
+        if isinstance(value, np.ndarray) and value.ndim > 3 - (size == 1):
+            legal = "of data in space, lambda p: rm.colormap(values(p), 'viridis') with values = rm.sampled(array)"
+        raise SceneError(f"{what}: {given} has no projection", legal=legal)
     if isinstance(value, MapExpression):
         try:
             read = value.number if size == 1 else value.color

@@ -195,7 +195,7 @@ def _refuse_far_box(scene: Scene) -> None:
         return
     corner, size = float(np.max(np.abs([subject.lower, subject.upper]))), float(np.max(subject.size))
     place = float(np.spacing(corner))
-    if np.isfinite(corner) and place > OFF * size:
+    if np.isfinite(corner) and place > OFF * size > 0.0:
         what = f"solids of size {size:.3g} are {corner:.3g} units from the origin, where numbers are {place:.2g} apart"
         raise PlanError(what, legal=f"up to {OFF * size / np.finfo(float).eps:.2g} units", where=scene.node.where)
 

@@ -21,7 +21,7 @@ from raymarch.scene.ambient_occlusion import AmbientOcclusion
 from raymarch.scene.camera import Camera, Pose, framed_box
 from raymarch.scene.fields import GREY
 from raymarch.scene.fog import Atmosphere
-from raymarch.scene.framing import Framed, frame_of
+from raymarch.scene.framing import WIDE, Framed, frame_of, is_hollow
 from raymarch.scene.light import Light, sample_of
 from raymarch.scene.light_kinds import KINDS, Sun
 from raymarch.scene.material import Material
@@ -293,7 +293,10 @@ class Scene(Value):
         if self.occlusion is None:
             return None
         low, high = framed_box(self.subject)
-        return self.occlusion.within(float(np.linalg.norm(high - low)))
+        size, framed = float(np.linalg.norm(high - low)), self.framed
+        if framed is not None and framed.centre is not None and WIDE * framed.diameter < size:
+            size = framed.diameter  # of what is seen: the box holds all places and sizes that Params allow
+        return self.occlusion.within(size)
 
     def pose(self, values: Values, aspect: float = 1.0) -> Pose:
         """The camera of one frame; `aspect` is width over height of the picture."""
@@ -427,6 +430,12 @@ def _moved_parts(root: Node) -> list[tuple[Facts, Expr]]:
 @remembered
 def _framed(root: Node) -> Framed:
     return frame_of(root, [node for node in _operands(root) if node.facts.bounded and not node.facts.empty])
+
+
+def is_cut_away(root: Node) -> bool:
+    """True if samples of all bounded parts find no surface: differences and intersections left nothing of them."""
+    parts = [node for node in _operands(root) if node.facts.bounded and not node.facts.empty]
+    return bool(parts) and all(is_hollow(node) for node in parts)
 
 
 def _bounded(root: Node) -> Iterator[Node]:

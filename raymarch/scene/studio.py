@@ -9,7 +9,7 @@ from raymarch.scene.ambient_occlusion import AmbientOcclusion
 from raymarch.scene.light_kinds import Sun
 from raymarch.scene.material import Material
 from raymarch.scene.quality import Quality
-from raymarch.scene.scene import DEFAULT, Scene, scene_of
+from raymarch.scene.scene import DEEPEST, DEFAULT, Scene, scene_of
 from raymarch.scene.sky import GradientSky
 from raymarch.sdf.booleans import union
 from raymarch.sdf.node import Node
@@ -85,12 +85,14 @@ def staged(scene: Scene) -> Scene:
     if floor is not None:
         node = node | plane(offset=floor).material(GROUND)
     node.where = where
+    clear = any(m.transmits for m in scene.materials) and not any(m.frosted for m in scene.materials)
     made = scene.replace(
         node=node,
         lights=[OPEN if floor is None and not _on_ground(scene.node) else SUN],
         sky=SKY,
         occlusion=OCCLUSION,
-        quality=Quality(samples=SAMPLES),
+        quality=Quality(samples=SAMPLES, integrator="whitted" if clear else "path"),
+        bounces=DEEPEST["whitted"] if clear else scene.bounces,
     )
     made._set(where=where, of_a_node=True)
     return made

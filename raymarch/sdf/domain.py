@@ -229,6 +229,8 @@ def _expression(value: Any) -> Expr:
     """The expression of a number, a vector or an expression. SceneError for a string, which `expr` takes as colour."""
     if isinstance(value, str):
         raise SceneError(f"{short(value)} is a string", legal="a number, a vector or an expression")
+    if isinstance(value, np.ndarray) and value.dtype == object and value.ndim == 1:
+        return expr(tuple(value))  # as of np.array([rm.sin(p.x), 0, 0])
     return expr(value)
 
 

@@ -287,7 +287,7 @@ def touching(node: Node) -> set[tuple[int, int]]:
     single = len(node.children) == 1
     found = set()
     for i, surface in enumerate((node.children[0], node) if single else node.children[:MEASURED]):
-        points = _surface_points(surface, PROBES // 8)
+        points = _surface_points(surface, PROBES // 8) if surface.dimension == 3 else None  # not of a flat profile
         if points is None or int((flat := _flat_between(node, points, -1.0)).sum()) < 4:
             continue
         beyond = points[0][flat] + 1e-6 * points[2] * points[1][flat]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
 from raymarch.expr.convert import choice, short
+from raymarch.expr.degrees import suspect_degrees
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, expr
 from raymarch.expr.types import FLOAT
@@ -122,6 +123,7 @@ def extrude(node: Node, height: Scalar = 1.0, scale: Scalar = 1.0, twist: Scalar
     lean = domain_of(Draft, None).accept("extrude", "draft", draft)
     factor = Domain(FLOAT, low=0.01).accept("extrude", "scale", scale)
     angle = domain_of(Angle, None).accept("extrude", "twist", twist)
+    suspect_degrees("extrude: twist", twist)
     grows = not (factor.is_constant and factor.data == 1.0)
     turns = not (angle.is_constant and angle.data == 0.0)
     if not (lean.is_constant and lean.data == 0.0):

@@ -138,6 +138,8 @@ def grid(values: ArrayLike, size: Vector | Scalar = (2.0, 2.0, 2.0), center: Vec
             legal="samples on the faces of the box >= 0: a larger box, or grid(...) & box(...) of padded samples; "
             "rm.isosurface(values, level) for values that are no distances",
         )
+    if array.min() > 0.0:
+        warn(f"grid: no distance is negative, {array.min():g} at least: an empty solid (distances < 0 are inside)")
     whole = domain_of(Size3, None).accept("grid", "size", size)
     return sampled_grid(_as_distances(array, interval_of(whole)[0]), whole, center)
 
@@ -186,6 +188,8 @@ def isosurface(
     if highest > array.max():
         exceeds = "exceeds" if at.is_constant else "can exceed"
         warn(f"isosurface: level = {short(level)} {exceeds} all values, {array.max():g} at most: an empty solid")
+    if at.is_constant and highest < array.min():
+        warn(f"isosurface: level = {short(level)} is below all values, {array.min():g} at least: all of the box")
     least = _mapped(lowest, values_at, heights) if at.is_constant else np.interp(lowest, values_at, heights)
     outside = least - np.interp(array, values_at, heights)
     if at.is_constant:

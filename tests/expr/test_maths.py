@@ -66,7 +66,9 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "vectors of two sizes": (lambda: rm.dot((1, 2), (1, 2, 3)), r"dot\(vec2, vec3\)"),
     "a condition": (lambda: rm.where(1, 2, 3), "where needs a condition, not 1"),
     "math": (lambda: math.sin(rm.time), "no numeric value.*rm.sin in place of math.sin"),
-    "if": (lambda: 1 if rm.time > 0 else 2, "use rm.where"),
+    "if": (lambda: 1 if rm.time > 0 else 2, r"rm.where\(condition, a, b\) in place of if"),
+    "max": (lambda: max(rm.time, 0), "rm.min and rm.max in place of min and max"),
+    "max of a vector": (lambda: max(expr((rm.time, 1)), 0), "cannot order .*rm.min and rm.max, which take vectors"),
     "a function that is not there": (lambda: np.frexp(rm.time), "numpy.frexp of an expression"),
     "a reduction": (lambda: np.add.reduce(rm.time), "numpy.add.reduce of an expression"),
 }

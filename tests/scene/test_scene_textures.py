@@ -247,7 +247,8 @@ def test_a_map_of_another_size_than_the_albedo_is_refused() -> None:
 
 def test_more_grids_than_any_driver_takes_are_named() -> None:
     """Pictures share textures, sampled grids do not."""
-    parts = [rm.grid(np.full((2, 2, 2), 0.01 * (k + 1))).translate((3 * k, 0, 0)) for k in range(17)]
+    centre = np.pad([[[-1.0]]], 1)
+    parts = [rm.grid(centre + 0.01 * (k + 1)).translate((3 * k, 0, 0)) for k in range(17)]
     with pytest.raises(rm.PlanError, match="17 textures") as caught:
         _assembled(rm.Scene(rm.union(*parts)))
     assert "0 pictures" in str(caught.value) and "16" in str(caught.value)
