@@ -31,6 +31,7 @@ from raymarch.expr.pieces import (
 )
 from raymarch.expr.pieces import call_text as call_text
 from raymarch.expr.raw import RawFunction
+from raymarch.expr.rolled import rolled
 from raymarch.expr.samples import Samples
 from raymarch.expr.tables import Table
 from raymarch.expr.templates import TEMPLATES as TEMPLATES
@@ -229,7 +230,8 @@ class FunctionPrinter:
             self.names[param] = self._name(param.data)
         params, body = [(p.type, self.names[p]) for p in self.definition.params], self.definition.body
         head = self.text.dialect.head(self.text.names[self.definition], body.type, params)
-        self._return(self.text.trees.get(self.definition) or Leaf((body,), {}))
+        written = rolled(body) if self.text.rolled and not self.text.for_web else body
+        self._return(self.text.trees.get(self.definition) or Leaf((written,), {}))
         return [Line(head, body), *self.lines, Line("}", None)]
 
     def _name(self, wanted: str) -> str:

@@ -27,6 +27,7 @@ from raymarch.expr.pieces import (
     wrap,
 )
 from raymarch.expr.raw import RawFunction, slope_text
+from raymarch.expr.rolled import Rows
 from raymarch.expr.samples import glsl_helper as samples_helper
 from raymarch.expr.tables import glsl_helper as table_helper
 from raymarch.expr.textures import atlas_helper, glsl_helper, helper_of
@@ -309,7 +310,11 @@ def _texture_in_atlas(printer: FunctionPrinter, node: Expr, pieces: Sequence[Pie
 
 
 def _fetch(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-    """A texel of a table."""
+    """A texel of a table, or of an array of constants by the counter of a loop."""
+    if isinstance(node.data, Rows):
+        printer.helpers[node.data.name, ""] = node.data.declaration
+        counter = pieces[0].text.removeprefix("float(").removesuffix(")")
+        return Piece(f"{node.data.name}[{counter}]", POSTFIX, 0)
     constant = node.data.name in printer.text.constants
     name, text = table_helper(node.data.channels, constant)
     printer.helpers[name, str(constant)] = text

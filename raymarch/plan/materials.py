@@ -18,7 +18,7 @@ from raymarch.expr.walk import find, free_variables, rebuild, rewrite, substitut
 from raymarch.plan.bounding import BoundedUnion
 from raymarch.plan.hoisting import Hoisting
 from raymarch.plan.mixing import Palette, RowMaterial, blended, chosen_by, largest, read_where
-from raymarch.plan.objects import Many, ObjectsInCells
+from raymarch.plan.objects import Many, ObjectsInCells, only_slot, with_rows
 from raymarch.plan.shading import has_relief, mapped, needs_surface, patterned
 from raymarch.scene.bsdf import BSDF, Phong
 from raymarch.scene.fields import FIELDS, GLASS, PHYSICAL, RELIEF
@@ -26,7 +26,6 @@ from raymarch.scene.material import Material
 from raymarch.scene.scene import Scene
 from raymarch.scene.surfaces import bsdf_of
 from raymarch.sdf.interaction import LOCAL_INTERACTION, SCENE_INTERACTION, interaction_at, material_expressions
-from raymarch.sdf.labels import seen_labels
 from raymarch.sdf.lower import BoundedParts, Group, Lowering
 from raymarch.sdf.node import Node
 from raymarch.sdf.rows import Slot
@@ -166,16 +165,17 @@ class _Parts:
                 made[group] = Function(f"{group.name}_{name.removesuffix('_at')}", group.marked.params, body)
             return made[group](at)
 
-        many: dict[Union, Function] = {}
+        many: dict[Union, tuple[_Evaluated, Function]] = {}
 
         def of_many(label: Union, point: Expr, at: Expr, interaction: Sequence[Expr]) -> Expr:
             if label not in many:
                 found = self._evaluated(label, wanted, of_group, of_many)
-                many[label] = found.value_at(name.removesuffix("_at"))
-            local = dict(zip(LOCAL_INTERACTION, interaction, strict=True))
-            return many[label](point, at, *(local.get(v, v) for v in many[label].params[2:]))
+                many[label] = found, found.value_at(name.removesuffix("_at"))
+            (found, value), local = many[label], dict(zip(LOCAL_INTERACTION, interaction, strict=True))
+            return found.called(value, point, at, *(local.get(v, v) for v in value.params[2:]))
 
         def shared(roots: Sequence[Expr]) -> list[Expr]:
+            roots = with_rows(roots, {found.distance: found.row for found, _ in many.values() if found.row})
             roots = merge_calls(roots, lambda f: operations_of(f) if f in made.values() else 0)
             return share_values(merge_reads(roots))
 
@@ -320,12 +320,14 @@ class _WithGradient:
 class _Evaluated:
     """What is wanted of a union that is evaluated by a function of its own.
 
-    name : prefix of its functions. point : the point of its distance. distance : that function.
+    name : prefix of its functions. point : the point of its distance. distance : that function. row : see
+        `with_rows`; None for none.
     """
 
     name: str
     point: Expr
     distance: Function
+    row: Function | None = None
 
     def evaluated(self, p: Expr, at: Expr) -> tuple[Expr, Expr, Expr]:
         """The distance and the gradient at p, and what is wanted, with materials evaluated at another point."""
@@ -336,6 +338,11 @@ class _Evaluated:
         at = var("at", VEC3)
         value = self.evaluated(self.point, at)[2]
         return Function(f"{self.name}_{name}", (self.point, at, *_interaction_in(value)), value)
+
+    def called(self, value: Function, *given: Expr) -> Expr:
+        """A call of a function of `value_at`; written out where its union also tells the row, to find that once."""
+        known = dict(zip(value.params, given, strict=True))
+        return value(*given) if self.row is None else substitute([value.body], known)[0]
 
     def part(self) -> Function:
         """A function of the point that returns what Part holds, and the distance."""
@@ -386,6 +393,7 @@ class _ManyMaterials(_Evaluated):
         self.rows = label.rows
         self.located = objects.located(self.rows)
         self.point, self.distance = self.located.point, self.located.field
+        self.row = None if self.rows.family else self.located.found
         self.single: Expr | None = None
         default = label.inherited
         labels = list(dict.fromkeys(default if m is None else m for m in self.rows.labels))
@@ -396,7 +404,7 @@ class _ManyMaterials(_Evaluated):
             return
         numbers = [index.get(m, 0) for m in materials]
         palette = Palette([m.expressions for m in materials], numbers) if len(materials) > 1 else None
-        self.slots = [_only_slot(form.template) for form in self.rows.forms]
+        self.slots = [only_slot(form.template) for form in self.rows.forms]
         self.common = palette if all(slot is not None for slot in self.slots) else None
         if self.common is not None and not label.rows.family:
             return
@@ -482,12 +490,3 @@ def _interaction_in(value: Expr) -> list[Expr]:
     """The parts of the surface interaction on which the value of a function depends."""
     free = free_variables([value])
     return [variable for variable in (*SCENE_INTERACTION, *LOCAL_INTERACTION) if variable in free]
-
-
-def _only_slot(template: Node) -> int | None:
-    """The slot that all parts of a form have; None if they differ."""
-    labels = seen_labels(template) if template.labelled else {Slot(0)}
-    if template.labelled and template.label is None:
-        return None  # some parts may have no label
-    (first, *others) = labels
-    return first.index if not others and isinstance(first, Slot) else None

@@ -15,10 +15,11 @@ from raymarch.expr.arrays import Remembered, bound
 from raymarch.expr.derivative import gradient, state_gradient
 from raymarch.expr.function import Function, loop
 from raymarch.expr.node import Expr, const, construct, expr, swizzle, var
+from raymarch.expr.partials import zero
 from raymarch.expr.tables import MOST, LiveTable, Table, fetch
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import all_of, clamp, dot, floor, length, normalize, where
-from raymarch.expr.walk import substitute
+from raymarch.expr.walk import rebuild, rewrite, substitute, topological
 from raymarch.plan.bounding import nearer, none_of, value_and_gradient
 from raymarch.plan.cells import Cells
 from raymarch.plan.kept_cells import build
@@ -33,8 +34,10 @@ from raymarch.scene.studio import in_studio
 from raymarch.sdf.advance import is_implicit
 from raymarch.sdf.blends import FAMILIES
 from raymarch.sdf.facts import FARTHEST
+from raymarch.sdf.labels import seen_labels
 from raymarch.sdf.levels import CORRECTED, flush_cut, least_slope, short_tool
-from raymarch.sdf.rows import Rows
+from raymarch.sdf.node import Node
+from raymarch.sdf.rows import Rows, Slot
 
 TURNS = 256
 """Least bound of the loops over a list and its folds: llvmpipe unrolls loops of few turns, and then executes all turns.
@@ -171,7 +174,11 @@ class Located:
     """Rows with their cells, and the functions that read them.
 
     field : the distance, a function of the point; its companion is the gradient.
+    found : of a hard union, a function of the point: the distance, and where the row of the nearest object begins; -1
+        where the field is a bound only.
     """
+
+    found: Function
 
     def __init__(self, rows: Rows, exact: float, prices: Prices = STANDARD) -> None:
         """exact : distance up to which the field must be exact. prices : of the device."""
@@ -189,7 +196,11 @@ class Located:
         p = var("p", VEC3)
         place = _Place(self, p)
         self.point, self.place = p, place
-        (value,) = self.walk(place, p, None)
+        if rows.family:
+            (value,) = self.walk(place, p, None)
+        else:
+            (value,) = self._nearest(place, p, False)
+            self.found = Function("objects_found", (p,), construct(*self._nearest(place, p, True)))
         self.field = Function("objects", (p,), value)
         value, slope = self.walk(place, p, lambda i, entry, pair, read: (pair[1],))
         state_gradient(self.field, construct(slope, value))
@@ -215,18 +226,24 @@ class Located:
         """The union of the objects in the cell of a point: the distance, and what else is carried.
 
         carried : further values of an object: a function of its form, the start of its row, its distance and gradient,
-            and its columns and slots. The first is its gradient. They are those of the nearest object, or mixed in a
-            blend; where the field is a bound only, the gradient of the bound and zeros. None for none.
+            and its columns and slots. The first is its gradient. They are those of the nearest object, evaluated once
+            it is known, or mixed in a blend; where the field is a bound only, the gradient of the bound and zeros.
+            None for none, in a blend.
         mixed : how a blend mixes the further values of two operands, from the partial derivatives of the fold by each;
             None for their sum with the derivatives as weights.
         """
-        if not self.rows.family:
-            return self._nearest(place, p, carried)
-        value, *others = self._blended(place, p, carried, mixed)
-        listed = place.near | (value < place.bound)
-        if others:
-            others[0] = where(listed, others[0], place.bound_slope)
-        return where(listed, value, place.bound), *others
+        if self.rows.family:
+            value, *others = self._blended(place, p, carried, mixed)
+            listed = place.near | (value < place.bound)
+            if others:
+                others[0] = where(listed, others[0], place.bound_slope)
+            return where(listed, value, place.bound), *others
+        assert carried is not None
+        found = self.found(p)
+        value, entry = swizzle(found, "x"), swizzle(found, "y")
+        _, *others = self._leaf(p, where(entry < 0.0, 0.0, entry), carried, range(len(self.rows.forms)))
+        none = [place.bound_slope, *(zero(other.type) for other in others[1:])]
+        return value, *(where(entry < 0.0, no, other) for no, other in zip(none, others, strict=True))
 
     def entry(self, place: _Place, at: Expr) -> Expr:
         """The texel of an entry of the list of a cell."""
@@ -254,27 +271,30 @@ class Located:
 
     # Hard unions
 
-    def _nearest(self, place: _Place, p: Expr, carried: Carried | None) -> tuple[Expr, ...]:
-        """One loop over the list. Forms beyond the first `together` have loops of their own, with as many each: all
-        forms of a loop are evaluated for each object."""
+    def _nearest(self, place: _Place, p: Expr, told: bool) -> tuple[Expr, ...]:
+        """The distance, and where `told` the start of the row of the nearest object.
+
+        One loop over the list. Forms beyond the first `together` have loops of their own, with as many each: all forms
+        of a loop are evaluated for each object.
+        """
         count = len(self.rows.forms)
         groups = [range(i, i + self.together)[: count - i] for i in range(0, count, self.together)]
-        zeros = self._zeros(p, carried)
-        zeros[:2] = [place.bound, place.bound_slope][: len(zeros)]
+        first = [place.bound, *([const(-1.0)] if told else [])]
         if len(groups) == 1:
 
             def step(_turn: Expr, at: Expr, *best: Expr) -> Sequence[Expr]:
-                found = self._leaf(p, self.entry(place, at), carried, groups[0])
-                return at + 1.0, *nearer(found, best)
+                entry = self.entry(place, at)
+                found = self._leaf(p, entry, None, groups[0])
+                return at + 1.0, *nearer([*found, entry][: len(best)], best)
 
-            return loop(max_turns(self.cells), (place.start, *zeros), step, lambda _turn, at, *_: at >= place.end)[1:]
-        state: tuple[Expr, ...] = (place.start, self.entry(place, place.start), *zeros)
+            return loop(max_turns(self.cells), (place.start, *first), step, lambda _turn, at, *_: at >= place.end)[1:]
+        state: tuple[Expr, ...] = (place.start, self.entry(place, place.start), *first)
         for group in groups:
             most = float(self.rows.stored.first[group[-1] + 1])
 
             def turn(_turn: Expr, at: Expr, entry: Expr, *best: Expr, group: Sequence[int] = group) -> Sequence[Expr]:
-                found = self._leaf(p, entry, carried, group)
-                return at + 1.0, self.entry(place, at + 1.0), *nearer(found, best)
+                found = self._leaf(p, entry, None, group)
+                return at + 1.0, self.entry(place, at + 1.0), *nearer([*found, entry][: len(best)], best)
 
             def until(_turn: Expr, at: Expr, entry: Expr, *_: Expr, most: float = most) -> Expr:
                 return (at >= place.end) | (entry >= most)
@@ -282,13 +302,11 @@ class Located:
             state = loop(max_turns(self.cells), state, turn, until)
         return state[2:]
 
+    # Blends
+
     def _zeros(self, p: Expr, carried: Carried | None) -> list[Expr]:
         """The values of no object."""
-        if carried is None:
-            return [const(FARTHEST)]
-        return none_of(self._leaf(p, const(0.0), carried, range(1)))
-
-    # Blends
+        return [const(FARTHEST)] if carried is None else none_of(self._leaf(p, const(0.0), carried, range(1)))
 
     def _blended(self, place: _Place, p: Expr, carried: Carried | None, mixed: Mixed | None) -> tuple[Expr, ...]:
         """One loop over the list, with a stack of the values that wait for their partner. After an object, as many
@@ -323,6 +341,21 @@ class Located:
         start = (place.start, *zeros, *(zeros * self.cells.stack))
         final = loop(max_turns(self.cells), start, step, lambda _turn, at, *_: at >= place.end)
         return final[1 : 1 + size]
+
+
+def with_rows(roots: Sequence[Expr], found: Mapping[Function, Function]) -> list[Expr]:
+    """The roots, with distances taken from what also finds the nearest row, where this is called at the same point.
+
+    found : what also finds the row, by the distance; see `Located`.
+    """
+    called = {(call.data, call.args) for call in topological(roots) if call.op == "call"}
+
+    def rule(node: Expr, args: tuple[Expr, ...]) -> Expr:
+        both = found.get(node.data) if node.op == "call" else None
+        return swizzle(both(*args), "x") if both and (both, node.args) in called else rebuild(node, args)
+
+    new = rewrite(roots, rule) if found else {root: root for root in roots}
+    return [new[root] for root in roots]
 
 
 def _listed(rows: Rows, cells: Cells) -> NDArray[np.float32]:
@@ -395,3 +428,12 @@ class _Place:
         unlisted = const(FARTHEST) if located.rows.family else cells.need + (cells.cut * cells.size) / fine
         self.bound = where(inside, where(self.near, unlisted, x) - length(away), beyond)
         self.bound_slope = where(inside, -normalize(away), normalize(out) * cells.steepness)
+
+
+def only_slot(template: Node) -> int | None:
+    """The slot that all parts of a form have; None if they differ."""
+    labels = seen_labels(template) if template.labelled else {Slot(0)}
+    if template.labelled and template.label is None:
+        return None  # some parts may have no label
+    (first, *others) = labels
+    return first.index if not others and isinstance(first, Slot) else None

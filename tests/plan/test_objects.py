@@ -544,3 +544,13 @@ def counted(node):
     """Operations of a look-up among rows, and of one object."""
     found = located(node)
     return operations([found.field.body], turns=False) + operations([found.rows.forms[0].columns.field.body])
+
+
+def test_gradients_and_materials_find_the_nearest_object_once():
+    """No loop computes gradients, and the material takes its distance from what finds the row."""
+    checks = rm.checker((1, 0, 0), (0, 0, 1), 0.5, axis="y")
+    solid = rm.union(*objects(60, materials=True)) | rm.plane(offset=-3).material(rm.Material(color=checks))
+    text = assemble(plan(rm.Scene(solid))).text("color")
+    gradient, material = (text.split(head)[1].split("\n}\n")[0] for head in (" objects_gradient(", " material_at("))
+    assert "for (" not in gradient and gradient.count("objects_found(") == 1
+    assert material.count("objects_found(") == 1 and "objects(" not in material

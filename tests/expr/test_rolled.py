@@ -1,0 +1,95 @@
+"""Long folds as loops over rows of constants: the same values, and text that does not grow with the fold."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import raymarch as rm
+from raymarch.expr.arrays import evaluator
+from raymarch.expr.function import Function
+from raymarch.expr.glsl import print_functions
+from raymarch.expr.node import var
+from raymarch.expr.rolled import rolled
+from raymarch.expr.types import VEC2
+from raymarch.expr.vocabulary import dot, length, min, where
+from raymarch.expr.walk import find
+from raymarch.sdf.flat import enclosed
+
+P = var("p", VEC2)
+POINTS = np.random.default_rng(7).uniform(-2, 2, (500, 2)).astype(np.float32)
+ANGLES = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+STAR = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1) * np.where(np.arange(24) % 2, 0.6, 1.2)[:, None]
+
+
+def least(n):
+    found = length(P - (0.3, -0.2))
+    for k in range(n):
+        found = min(length(P * (1.0 + 0.1 * k) - (0.2 * k, 1.0)) + dot(P, (0.0, 0.1 * k)), found)
+    return found
+
+
+def values(body):
+    return evaluator([body], [P], np.float32)(POINTS)[0]
+
+
+@pytest.mark.parametrize("body", [enclosed(P, STAR), least(40)], ids=["polygon", "minimum"])
+def test_a_long_fold_is_a_loop_of_the_same_values(body):
+    made = rolled(body)
+    assert len(find([made], "loop")) == 1 and not find([body], "loop")
+    assert np.array_equal(values(made), values(body))
+
+
+def test_the_edge_of_a_polygon_is_written_once():
+    made = rolled(enclosed(P, STAR))
+    (loop,) = find([made], "loop")
+    assert loop.data.count == 24 and loop.data.kept
+    assert [call.data.name for call in find([made], "call")].count("edge") == 1
+
+
+@pytest.mark.parametrize(
+    "body",
+    [least(3), enclosed(P, STAR[:5]), where(P.x < 0.0, length(P), length(P - (1, 1)))],
+    ids=["few turns", "few corners", "no fold"],
+)
+def test_short_folds_stay(body):
+    assert rolled(body) is body
+
+
+def test_values_that_are_read_inside_of_a_fold_stay():
+    """A loop would spare nothing: each value is read by another expression."""
+    sums, found = length(P), length(P)
+    for k in range(12):
+        found = min(length(P * (1.0 + 0.1 * k) - (0.2 * k, 1.0)), found)
+        sums = sums + found * found
+    assert not find([rolled(sums)], "loop")
+
+
+def test_only_hardware_and_texts_for_its_own_window_have_rows():
+    shape = Function("star", (P,), enclosed(P, STAR))
+    texts = {
+        (branches, web): "\n".join(
+            line.text for line in print_functions([shape], branches=branches, for_web=web).lines()
+        )
+        for branches in (False, True)
+        for web in (False, True)
+    }
+    assert {key for key, text in texts.items() if "const vec4 u_rows" in text} == {(True, False)}
+    assert texts[True, False].count("edge(") == 2  # its definition, and one call
+    assert texts[False, False].count("edge(") == 25
+
+
+def test_pictures_with_rows_are_the_same(monkeypatch):
+    scene = rm.Scene(
+        rm.polygon([tuple(map(float, corner)) for corner in STAR]).extrude(0.4), lights=[rm.Sun(shadow=True)]
+    )
+    drawn = []
+    for name in ("software", "hardware"):
+        monkeypatch.setenv("RAYMARCH_DEVICE_CLASS", name)
+        with rm.Renderer((64, 36)) as renderer:
+            frame = renderer.render(scene, outputs=("color", "evaluations"))
+            drawn.append((frame.color, frame.evaluations))
+            text = renderer.prepared(scene).texts["color"]
+            assert ("const vec4 u_rows" in text) is (name == "hardware")
+    for one, other in zip(*drawn, strict=True):
+        assert np.array_equal(one, other)
