@@ -18,6 +18,7 @@ from raymarch.errors import SceneError
 from raymarch.expr.atlas import Place
 from raymarch.expr.branches import Branch, Leaf, Tree, branched, roots_of
 from raymarch.expr.function import Function, Loop
+from raymarch.expr.last_reads import LastReads
 from raymarch.expr.node import Expr, make, simplify, var
 from raymarch.expr.pieces import (
     ATOM,
@@ -31,7 +32,7 @@ from raymarch.expr.pieces import (
 )
 from raymarch.expr.pieces import call_text as call_text
 from raymarch.expr.raw import RawFunction
-from raymarch.expr.rolled import rolled
+from raymarch.expr.rolled import paired, rolled
 from raymarch.expr.samples import Samples
 from raymarch.expr.tables import Table
 from raymarch.expr.templates import TEMPLATES as TEMPLATES
@@ -230,7 +231,7 @@ class FunctionPrinter:
             self.names[param] = self._name(param.data)
         params, body = [(p.type, self.names[p]) for p in self.definition.params], self.definition.body
         head = self.text.dialect.head(self.text.names[self.definition], body.type, params)
-        written = rolled(body) if self.text.rolled and not self.text.for_web else body
+        written = rolled(paired(body)) if self.text.rolled and not self.text.for_web else body
         self._return(self.text.trees.get(self.definition) or Leaf((written,), {}))
         return [Line(head, body), *self.lines, Line("}", None)]
 
@@ -290,6 +291,7 @@ class FunctionPrinter:
         for node in topological(after, lambda node: () if node in here else node.args) if after else ():
             uses[node] += node in here
         forced = {h for opened in loops.values() for h in opened.hoisted}
+        held = LastReads(uses) if self.text.rolled and not self.text.for_web else None
         pieces: dict[Expr, Piece] = {}
         waiting = list(enumerate(roots))
         final = set(roots)
@@ -298,7 +300,7 @@ class FunctionPrinter:
                 self._print_loop(node, loops[node], pieces)
                 continue
             piece = self._piece(node, pieces)
-            deep = piece.depth > DEPTH
+            deep = piece.depth > DEPTH or (held is not None and held.ends(node, self.names))
             if (
                 (deep or uses[node] > 1 or node in forced)
                 and node not in self.names

@@ -15,7 +15,7 @@ from typing import TypeAlias
 import numpy as np
 
 from raymarch.expr.function import close_loop
-from raymarch.expr.node import Expr, const, construct, make, swizzle, var
+from raymarch.expr.node import Expr, const, construct, make, simplify, swizzle, var
 from raymarch.expr.operations import operations
 from raymarch.expr.pieces import literal
 from raymarch.expr.tables import Table
@@ -78,6 +78,17 @@ def rolled(body: Expr) -> Expr:
         if operations([body], turns=False) - operations([new], turns=False) >= SPARED:
             return rolled(new)
     return body
+
+
+def paired(body: Expr) -> Expr:
+    """A pair of minima as a minimum of pairs, so that what both read of an operand is not kept until the last."""
+    if body.op != "construct" or len(body.args) != 2:
+        return body
+    first, second = body.args
+    if first.op != "min" or second.op != "min" or first.type is not FLOAT or second.type is not FLOAT:
+        return body
+    sides = [paired(construct(a, b)) for a, b in zip(first.args, second.args, strict=True)]
+    return simplify("min", body.type, tuple(sides))
 
 
 def _chain(last: Expr) -> list[Expr]:

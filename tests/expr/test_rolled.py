@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -10,13 +12,14 @@ from raymarch.expr.arrays import evaluator
 from raymarch.expr.function import Function
 from raymarch.expr.glsl import print_functions
 from raymarch.expr.node import var
-from raymarch.expr.rolled import rolled
+from raymarch.expr.rolled import paired, rolled
 from raymarch.expr.types import VEC2
-from raymarch.expr.vocabulary import dot, length, min, where
+from raymarch.expr.vocabulary import abs, dot, length, min, sqrt, vec2, where
 from raymarch.expr.walk import find
+from raymarch.sdf.booleans import balanced
 from raymarch.sdf.flat import enclosed
 
-P = var("p", VEC2)
+P, LINE = var("p", VEC2), var("line", VEC2)
 POINTS = np.random.default_rng(7).uniform(-2, 2, (500, 2)).astype(np.float32)
 ANGLES = np.linspace(0, 2 * np.pi, 24, endpoint=False)
 STAR = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1) * np.where(np.arange(24) % 2, 0.6, 1.2)[:, None]
@@ -93,3 +96,34 @@ def test_pictures_with_rows_are_the_same(monkeypatch):
             assert ("const vec4 u_rows" in text) is (name == "hardware")
     for one, other in zip(*drawn, strict=True):
         assert np.array_equal(one, other)
+
+
+def pairs(n):
+    """The least distance to n points, and the least of another value of each."""
+    lines = [vec2(length(P - (0.3 * k, 1.0)), dot(P, (1.0, 0.1 * k))) for k in range(n)]
+    near = [stretched(line) for line in lines]
+    return vec2(balanced([line.x for line in near], min), balanced([line.y * line.x for line in near], min))
+
+
+def stretched(line):
+    return Function("stretched", (LINE,), LINE * dot(LINE, LINE) + sqrt(abs(LINE)))(line)
+
+
+def test_a_pair_of_minima_is_a_minimum_of_pairs():
+    body = pairs(7)
+    made = paired(body)
+    assert made.op == "min" and made.type is VEC2
+    assert np.array_equal(values(made), values(body))
+    assert paired(vec2(P.x, length(P))) == vec2(P.x, length(P))
+
+
+def test_hardware_text_ends_variables_before_it_begins_others():
+    """Compilers keep the order of a text, so that a variable which is read at its end keeps a register."""
+    shape = Function("shape", (P,), pairs(16))
+    most = {}
+    for branches in (False, True):
+        lines = [line.text for line in print_functions([shape], branches=branches).functions[-1]]
+        made = {name: k for k, line in enumerate(lines) for name in re.findall(r"^    \w+ (\w+) = ", line)}
+        read = {name: max(k for k, line in enumerate(lines) if re.search(rf"\b{name}\b", line)) for name in made}
+        most[branches] = max(sum(made[name] <= k < read[name] for name in made) for k in range(len(lines)))
+    assert most[False] >= 16 and most[True] <= 6
