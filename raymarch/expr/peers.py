@@ -277,6 +277,7 @@ WITHOUT = _keys(
         "smooth smoothness k": "rm.union(a, b, k=0.2)",
         "reflectivity mirror": "metalness=1, roughness=0",
         "angle": "a number in radians",
+        "lipschitz": "node.displace_by(function, lipschitz=...)",
         "bounces maxdepth depth": "rm.Scene(bounces=...)",
     }
 )

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
+
 from raymarch.errors import SceneError, warn
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import described
@@ -11,6 +15,7 @@ from raymarch.scene.material import Material
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import DEEPEST, DEFAULT, Scene, scene_of
 from raymarch.scene.sky import GradientSky
+from raymarch.scene.tone import ToneMapping
 from raymarch.sdf.booleans import union
 from raymarch.sdf.node import Node
 from raymarch.sdf.solids import box, plane
@@ -25,6 +30,9 @@ OPEN = Sun((-0.55, 1.0, 0.6), (1.0, 0.94, 0.86), 1.0)
 """Of a solid without end, which would shade itself."""
 
 OCCLUSION = AmbientOcclusion(steps=4)
+
+BRIGHTEST = 1.29
+"""Light of a white surface that faces the sun. A lighter solid than its inverse is exposed less, so that none clips."""
 
 SAMPLES = 4
 """Rays per pixel of a picture of a bare node, so that edges are smooth."""
@@ -86,8 +94,11 @@ def staged(scene: Scene) -> Scene:
         node = node | plane(offset=floor).material(GROUND)
     node.where = where
     clear = any(m.transmits for m in scene.materials) and not any(m.frosted for m in scene.materials)
+    lightest = max((float(np.min(m.color.data)) for m in scene.materials if m.color.is_constant), default=0.0)
+    light = BRIGHTEST * lightest
     made = scene.replace(
         node=node,
+        tone=ToneMapping(exposure=-math.log2(light)) if light > 1.0 else scene.tone,
         lights=[OPEN if floor is None and not _on_ground(scene.node) else SUN],
         sky=SKY,
         occlusion=OCCLUSION,

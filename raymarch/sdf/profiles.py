@@ -158,6 +158,15 @@ EASINGS: Mapping[str, tuple[Easing, float]] = {
     "in_cubic": (lambda t: t * t * t, 3.0),
     "out_cubic": (lambda t: 1.0 - square(1.0 - t) * (1.0 - t), 3.0),
     "in_out_cubic": (lambda t: where(t < 0.5, 4.0 * t * t * t, 1.0 - 4.0 * square(1.0 - t) * (1.0 - t)), 3.0),
+    "in_quart": (lambda t: square(square(t)), 4.0),
+    "out_quart": (lambda t: 1.0 - square(square(1.0 - t)), 4.0),
+    "in_out_quart": (lambda t: where(t < 0.5, 8.0 * square(square(t)), 1.0 - 8.0 * square(square(1.0 - t))), 4.0),
+    "in_quint": (lambda t: square(square(t)) * t, 5.0),
+    "out_quint": (lambda t: 1.0 - square(square(1.0 - t)) * (1.0 - t), 5.0),
+    "in_out_quint": (
+        lambda t: where(t < 0.5, 16.0 * square(square(t)) * t, 1.0 - 16.0 * square(square(1.0 - t)) * (1.0 - t)),
+        5.0,
+    ),
 }
 """Easing curves of a fraction t from 0 to 1, each with its steepest slope."""
 
@@ -199,9 +208,10 @@ def extrude_to(node: Node, other: Node, height: Scalar = 1.0, easing: str = "smo
     ----------
     node, other : bounded flat shapes: the profile at z = -height / 2 and that at z = height / 2.
     height : full extent along z, > 0.
-    easing : name of the easing curve of the transition: "linear", "smooth", "sine", "in_quad", ... With "linear", two
-        convex polygons of numbers (`rectangle`, `polygon`, `regular_polygon`, `flat_triangle`) give the frustum between
-        them: their convex hull, which has plane sides.
+    easing : name of the easing curve of the transition: "linear", "smooth", "smoother", "sine"; or "in_", "out_" or
+        "in_out_" before "quad", "cubic", "quart" or "quint", such as "in_quad"; "in_sine", "out_sine". With "linear",
+        two convex polygons of numbers (`rectangle`, `polygon`, `regular_polygon`, `flat_triangle`) give the frustum
+        between them: their convex hull, which has plane sides.
 
     Returns
     -------

@@ -203,3 +203,13 @@ def test_glass_may_be_extruded(node: rm.Node) -> None:
     """Profiles were measured as solids, which failed."""
     scene = rm.Scene(node.material(GLASS), sky=rm.GradientSky())
     assert touching_glass(scene, scene.node) == set()
+
+
+@pytest.mark.parametrize("paint", [rm.Material("white"), rm.Material(albedo="white"), rm.Material("ivory")])
+def test_white_is_not_clipped_in_a_studio(paint: rm.Material) -> None:
+    scene = rm.studio(BALL.material(paint))
+    assert float(scene.tone.exposure) < 0 and float(rm.studio(BALL).tone.exposure) == 0
+    with rm.Renderer((48, 27)) as renderer:
+        frame = renderer.render(scene)
+        assert not frame.doubts()
+        assert np.mean(np.asarray(frame.image()).min(axis=2) == 255) < 0.01
