@@ -13,7 +13,7 @@ from functools import reduce
 from raymarch.expr.function import Function
 from raymarch.expr.node import const, var
 from raymarch.expr.types import FLOAT, VEC3
-from raymarch.expr.vocabulary import max, min, where
+from raymarch.expr.vocabulary import min, where
 from raymarch.plan.hoisting import Hoisting
 from raymarch.prices import STANDARD, Prices
 from raymarch.sdf.booleans import united
@@ -29,8 +29,9 @@ class Analytic:
     """Which solids are solved in closed form, and why.
 
     solved, marched : the operands of the outermost union. boxes : those of the marched ones.
-    hit : the distance at which a ray enters a solved solid first, a function of its origin, its unit direction and the
-        distance at which it begins; 1e30 if it enters none. rest : the field of the marched operands. solved_distance :
+    hit : the distance at which a ray enters a solved solid first, a function of its origin, its unit direction, the
+        distance from which on it enters solids, and that at which it begins in those that it is in already; 1e30 if it
+        enters none. rest : the field of the marched operands. solved_distance :
         that of the solved ones. All are None if no solid is solved.
     """
 
@@ -93,15 +94,15 @@ def choose(
 
 def complete(made: Analytic, root: Node, field: Function, lowering: Lowering, hoist: Hoisting) -> Analytic:
     """A choice that solves some solids, with its functions. root, field : the whole solid and its field."""
-    o, d, start = var("origin", VEC3), var("direction", VEC3), var("start", FLOAT)
+    o, d, first, start = var("origin", VEC3), var("direction", VEC3), var("first", FLOAT), var("start", FLOAT)
     found = []
     for node in made.solved:
         ends = interval_of_ray(node, o, d)
-        met = (ends.x <= ends.y) & (ends.y >= start)
-        found.append(where(met, max(ends.x, start), FARTHEST))
+        enter = where(ends.x >= first, ends.x, start)
+        found.append(where((ends.x <= ends.y) & (ends.y >= enter), enter, FARTHEST))
         if node.where is not None:
             hoist.origins.setdefault(ends, node.where)
-    hit = Function("solved_hit", (o, d, start), reduce(min, found))
+    hit = Function("solved_hit", (o, d, first, start), reduce(min, found))
     marched, solved = union_of(made.marched, root), union_of(made.solved, root)
     if marched is None:
         rest = Function("marched_field", (var("p", VEC3),), const(FARTHEST))

@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 import raymarch as rm
+from raymarch.scene.parameter import Values
 
 Array = NDArray[np.float64]
 CLOSED = rm.Quality(analytic=False)
@@ -80,3 +81,38 @@ def test_a_thin_fin_beside_a_hit_is_seen_in_a_mirror(integrator: str, rise: floa
     seen = first_of_boxes(starts, down, centres, half) > floor
     hidden = seen & np.isfinite(first_of_boxes(points, np.array((1e-9, rise, -across)), centres, half))
     assert hidden.sum() >= 12 and not bright[hidden].any()
+
+
+@pytest.mark.parametrize("kind", ["mirror", "shadow"])
+def test_a_fin_in_closed_form_less_than_128_ulp_ahead(kind: str) -> None:
+    """Fins of 16 ulp on a mirror, or in the sun: secondary rays meet those that they enter, however near."""
+    ulp, rows, away = 2.0**-10, 48, 9000.0
+    pixel, size = 8.0 * ulp, np.array((400.0, 32.0, 16.0)) * ulp
+    centres = on_a_line(9, 64.0 * ulp)
+    black, white = rm.Material("black", ambient=0), rm.Material("white", ambient=0)
+    mirror = rm.Material(albedo=(1, 1, 1), metalness=1, roughness=0)
+    fins = rm.union(*(rm.box(tuple(size)).translate(tuple(c)) for c in centres)).material(black)
+    floor = rm.plane().material(mirror if kind == "mirror" else white)
+    rise = 0.6
+    to_sun = np.array((0.0, rise, -np.sqrt(1.0 - rise * rise)))
+    down = np.array((0.0, -1.0, 0.0)) if kind == "shadow" else to_sun * (1, -1, 1)
+    camera = rm.Camera(
+        tuple(-away * down),
+        (0, 0, 0),
+        up=(0, 0, -1) if kind == "shadow" else (0, 1, 0),
+        projection="orthographic",
+        height=rows * pixel,
+    )
+    lights = [rm.Sun(tuple(to_sun), shadow=True)] if kind == "shadow" else []
+    sky = (0, 0, 0) if kind == "shadow" else (1, 1, 1)
+    quality = rm.Quality(analytic=True)
+    scene = rm.Scene(fins | floor, camera, lights, sky=sky, bounces=1, quality=quality)
+    with rm.Renderer(size=(4, rows)) as renderer:
+        bright = renderer.render(scene).color[:, 1, 1] > 0.1
+    starts, ray = scene.pose(Values({}, 0.0), 4 / rows).rays(np.array([1]), np.arange(rows)[:, None], (4, rows))
+    starts, ray = np.broadcast_to(starts, (rows, 1, 3))[:, 0], np.broadcast_to(ray, (rows, 1, 3))[0, 0]
+    t = starts[:, 1] / -ray[1]
+    seen = first_of_boxes(starts, ray + 1e-12, centres, 0.5 * size) > t
+    first = first_of_boxes(starts + t[:, None] * ray, to_sun + 1e-12, centres, 0.5 * size)
+    hidden = seen & (first > 8.0 * ulp) & (first < 100.0 * ulp)
+    assert hidden.sum() >= 6 and not bright[hidden].any()

@@ -13,7 +13,7 @@ float hard_shadow(Surface surface, Light light) {
     float offset = range.x;
 #ifdef ANALYTIC
     bool inside = u_side < 0.0;
-    if (!inside && solved_hit(ray.origin, ray.direction, left_behind(ray.origin, surface.t)) < end) return 0.0;
+    if (!inside && solved_ahead(ray, surface.t) < end) return 0.0;
     range = inside ? scene_box(ray, range) : marched_range(ray, range);
 #else
     range = scene_box(ray, range);

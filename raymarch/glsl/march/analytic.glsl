@@ -18,7 +18,7 @@ vec2 range_of(Ray ray) {
 #endif
     if (u_side < 0.0) return range;
 #ifndef CONE
-    solved_t = solved_hit(ray.origin, ray.direction, range.x);
+    solved_t = solved_hit(ray.origin, ray.direction, range.x, range.x);
     if (solved_t > range.y) solved_t = 1.0e30;
 #endif
     range = marched_range(ray, range);

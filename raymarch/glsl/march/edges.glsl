@@ -231,7 +231,7 @@ bool above_horizon = false;  // what is left of the pixel is the sky
 
 float solved_end(Ray ray) {
     vec2 range = scene_range(ray);
-    float t = solved_hit(ray.origin, ray.direction, range.x);
+    float t = solved_hit(ray.origin, ray.direction, range.x, range.x);
     return t > range.y ? 1.0e30 : t;
 }
 

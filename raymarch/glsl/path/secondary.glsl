@@ -8,7 +8,7 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
     vec2 range = scene_box(ray, vec2(offset, 2.0 * u_far));
     bool inside = side * u_side < 0.0;
 #ifdef ANALYTIC
-    float solved = inside ? 1.0e30 : solved_hit(ray.origin, ray.direction, left_behind(ray.origin, travelled));
+    float solved = inside ? 1.0e30 : solved_ahead(ray, travelled);
     bool blocked = solved <= range.y;
     if (blocked) hit.t = solved;
     hit.found = blocked;
