@@ -17,7 +17,7 @@ from raymarch.expr.node import Expr, const, var
 from raymarch.expr.types import FLOAT
 from raymarch.expr.vocabulary import abs, acos, clamp, columns, cos, cross, dot, max, sqrt, vec2, vec3
 from raymarch.expr.walk import find, substitute
-from raymarch.sdf.definition import Child, operator
+from raymarch.sdf.definition import Child, definition_of, operator
 from raymarch.sdf.domain import Matrix3, MatrixLike, Positive, Vec3, as_operand
 from raymarch.sdf.node import Node, method
 from raymarch.sdf.placing import spread_through, translate
@@ -167,6 +167,13 @@ def _constant(node: Node, matrix: Any, n: int) -> Node:
     if singular[-1] <= 1e-12 * singular[0] or singular[-1] == 0.0:
         what = f"transform: singular matrix, its stretches are {singular.tolist()}"
         raise SceneError(what, legal="an invertible matrix")
+    inner = node.params
+    if node.definition is definition_of(affine) and all(each.is_constant for each in inner.values()):
+        both = linear @ inner["linear"].data
+        if np.linalg.cond(both) < 1e12:  # one map has a closer bound than two
+            whole = np.eye(n + 1)
+            whole[:n, :n], whole[n, :n] = both.T, linear @ inner["offset"].data + m[n, :n]
+            return _constant(node.children[0], whole, n)
     return affine(node, linear, np.linalg.inv(linear), m[n, :n], float(singular[-1]))
 
 

@@ -240,7 +240,8 @@ def scale(node: Node, factor: Scalar | Vector) -> Node:
 
     Parameters
     ----------
-    factor : one number > 0, which keeps exactness, or one for each axis, which gives a bound. A box stays a box.
+    factor : one number > 0, which keeps exactness, or one for each axis, which gives a bound. A box stays a box, and
+        factors of factors are one node: its bound is closer than that of two.
 
     Returns
     -------
@@ -255,6 +256,8 @@ def scale(node: Node, factor: Scalar | Vector) -> Node:
         return scale_evenly(node, cast(Scalar, factor))
     if value.is_constant and value.type.is_vector and np.all(value.data == value.data[0]):
         return scale_evenly(node, float(value.data[0]))
+    if node.definition is definition_of(scale_axes) and value.is_constant and node.params["factors"].is_constant:
+        return scale(node.children[0], tuple(value.data * node.params["factors"].data))
     scaled = scale_axes(node, factor)
     if node.definition is definition_of(box):
         return box(node.params["size"] * scaled.params["factors"])

@@ -315,3 +315,17 @@ REFUSED: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
 def test_refused_with_value_range_and_line(name: str) -> None:
     wrong, words = REFUSED[name]
     refused(wrong, *words)
+
+
+def test_scales_of_scales_are_one_bound() -> None:
+    """The smallest of all factors bounds less closely than that of their products; equal products keep exactness."""
+    ball, points = sphere(0.5), np.random.default_rng(4).normal(size=(50, 3))
+    both = ball.scale((0.03, 1.0, 1.0)).scale((1.0, 1.4, 0.14))
+    assert np.allclose(both.distance(points), ball.scale((0.03, 1.4, 0.14)).distance(points), rtol=1e-12)
+    assert ball.scale((1.0, 2.0, 1.0)).scale((2.0, 1.0, 2.0)).exactness == "exact"
+    wide, turned = (
+        np.diag((0.03, 1.0, 1.0, 1.0)),
+        np.array([[0, 2.0, 0, 0], [-2, 0, 0, 0], [0, 0, 0.1, 0], [1, 2, 3, 1.0]]),
+    )
+    made = ball.transform(wide).transform(turned)
+    assert np.allclose(made.distance(points), ball.transform(wide @ turned).distance(points), rtol=1e-12)
