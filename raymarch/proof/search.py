@@ -25,7 +25,11 @@ TOGETHER = 1 << 17
 """Stretches in work at once; this bounds the memory."""
 
 FEW = MOST // 10
-"""The same for what lies behind a stretch that stays undecided: the ray is open already."""
+"""The same for what lies behind a stretch that stays undecided: the ray is open already; and for all rays once they
+have taken `ENOUGH` together."""
+
+ENOUGH = 1 << 21
+"""Evaluations of rays that are judged together. Only fractals and other estimates come near: theirs take 20 us each."""
 
 BLIND = 32.0
 """Length of a stretch, in tolerances, that is not halved if its enclosure and that of its centre are unbounded."""
@@ -168,7 +172,8 @@ def free(
             is_free[rows] = True
         np.minimum.at(verdict.high, now.rays[in_solid], centre[in_solid])
         stop |= blind & (length <= BLIND * within[now.rays])
-        most = np.where(now.start > stuck[now.rays], FEW, MOST)
+        enough = verdict.evaluations.sum() > ENOUGH
+        most = np.where(enough | (now.start > stuck[now.rays]), FEW, MOST)
         stop |= (length <= shortest[now.rays]) | (verdict.evaluations[now.rays] > most)
         left.append(now[~is_free & stop])
         np.minimum.at(stuck, left[-1].rays, left[-1].start)
