@@ -169,6 +169,7 @@ RULES: Mapping[str, Rule] = {
     "transpose": lambda _node, m: np.swapaxes(m, -1, -2),
     "sample": samples.evaluate,
     "sample_slope": samples.evaluate_slope,
+    "sample_bend": samples.evaluate_bend,
     "texture": textures.evaluate,
     "texture_in_atlas": textures.evaluate_in_atlas,
     "fetch": tables.evaluate,

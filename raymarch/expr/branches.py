@@ -42,7 +42,7 @@ LARGEST = 0.5
 AGAIN = 0.5
 """Operations that a part may compute again, rather than keep, as a multiple of those of all conditions."""
 
-READS = ("texture", "texture_in_atlas", "sample", "sample_slope", "raw_slope", "fetch")
+READS = ("texture", "texture_in_atlas", "sample", "sample_slope", "sample_bend", "raw_slope", "fetch")
 """Operations that read memory, or that cost unknown time."""
 
 MOST = 256

@@ -104,7 +104,7 @@ BACKWARD: Mapping[str, Back] = {
     "raw": lambda adj, e, i: adj * raw_slope(e),
     "raw_slope": lambda adj, e, i: None,
     "sample": lambda adj, e, i: adj * sample_slope(e),
-    "sample_slope": lambda adj, e, i: None,
+    **dict.fromkeys(("sample_slope", "sample_bend"), lambda adj, e, i: None),
     "probe": lambda adj, e, i: _across(adj, e) if i == 0 else None,
     "within": lambda adj, e, i: adj,
 }
@@ -126,7 +126,7 @@ FORWARD: Mapping[str, Forward] = {
     "raw": lambda e, t: v.dot(raw_slope(e), t[0]),
     "raw_slope": lambda e, t: zero(e.type),
     "sample": lambda e, t: v.dot(sample_slope(e), t[0]),
-    "sample_slope": lambda e, t: zero(e.type),
+    **dict.fromkeys(("sample_slope", "sample_bend"), lambda e, t: zero(e.type)),
     "probe": lambda e, t: t[0],
     "within": lambda e, t: t[0],
 }

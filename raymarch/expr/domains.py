@@ -16,7 +16,7 @@ large by this. 32 units in the last place of float32, the error of a chain of so
 HIDING = frozenset(
     """
     min max clamp step smoothstep sign sqrt exp exp2 log log2 asin acos atan atan2 tanh pow lt le normalize sample
-    sample_slope texture hash raw raw_slope call div mod
+    sample_slope sample_bend texture hash raw raw_slope call div mod
     """.split()
 )
 """Operations whose result may be finite although an argument is not; all others propagate it."""

@@ -220,7 +220,7 @@ def _pow(a: Interval, b: Interval) -> Interval:
 
 
 _RISING = "add min max clamp sign floor ceil round sqrt exp exp2 log log2 asin atan sinh tanh swizzle construct"
-_UNKNOWN = "time tan sample_slope raw raw_slope finite"
+_UNKNOWN = "time tan sample_slope sample_bend raw raw_slope finite"
 
 RULES: Mapping[str, Rule] = {
     **dict.fromkeys(_RISING.split(), _rising),

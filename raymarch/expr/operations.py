@@ -38,21 +38,21 @@ def straight_lines(roots: Sequence[Expr]) -> list[int]:
     return [outside, *inside]
 
 
-READING = frozenset({"sample", "fetch"})
-"""Operations that read a texel."""
+READING = frozenset({"sample", "sample_slope", "sample_bend", "fetch"})
+"""Operations that read a texel. Those of the same data at the same place read one together."""
 
 
 def reads(roots: Sequence[Expr]) -> int:
     """Texels that one evaluation reads."""
-    count = 0
+    count, places = 0, set()
     for node in topological(roots):
         if node.op == "call":
             count += _reads_once(node.data)
         elif node.op == "loop":
             count += node.data.count * reads(node.data.inner)
-        else:
-            count += node.op in READING
-    return count
+        elif node.op in READING:
+            places.add((node.data, *node.args))
+    return count + len(places)
 
 
 def _reads_once(definition: Function) -> int:

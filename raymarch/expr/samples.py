@@ -105,6 +105,11 @@ def sample_slope(e: Expr) -> Expr:
     return make("sample_slope", e.args[0].type, e.args, e.data)
 
 
+def sample_bend(e: Expr) -> Expr:
+    """The second derivative of a 2D `sample` along both axes, per texel and texel: one number for each cell."""
+    return make("sample_bend", FLOAT, e.args, e.data)
+
+
 # Readings
 
 
@@ -144,6 +149,12 @@ def evaluate_slope(node: Expr, at: Array) -> Array:
     return np.stack(parts, axis=-1)
 
 
+def evaluate_bend(node: Expr, at: Array) -> Array:
+    """NumPy row of "sample_bend"."""
+    a, b, c, d = (value for _, value in _corners(node.data, at)[1])
+    return np.asarray(a - b - c + d)
+
+
 def interval(node: Expr, *_at: Any) -> tuple[Array, Array]:
     """Interval row of "sample": the smallest and the largest value of the data."""
     return np.asarray(node.data.values.min(), np.float64), np.asarray(node.data.values.max(), np.float64)
@@ -174,14 +185,14 @@ def glsl_helper(dimension: int, constant: bool = False) -> str:
 
 
 def _in_plane(type: str, last: str, corners: str) -> str:
-    return f"""vec3 interpolated({type} data, vec2 at) {{
-    // (d/dx, d/dy, value), per texel
+    return f"""vec4 interpolated({type} data, vec2 at) {{
+    // (d/dx, d/dy, d2/dxdy, value), per texel
     ivec2 cell = ivec2(clamp(floor(at), vec2(0.0), vec2({last})));
     vec2 w = at - vec2(cell);
     vec4 h = {corners};  // x runs first, then y
     vec2 rise = mix(h.yz - h.x, h.w - h.zy, w.yx);
     vec2 rows = mix(h.xz, h.yw, w.x);
-    return vec3(rise, mix(rows.x, rows.y, w.y));
+    return vec4(rise, h.x - h.y - h.z + h.w, mix(rows.x, rows.y, w.y));
 }}"""
 
 

@@ -271,7 +271,7 @@ def _floor_of_half(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]
 
 
 def _sample(component: str) -> Template:
-    """Interpolated data: value or gradient; one helper computes both."""
+    """Interpolated data: value, gradient or bend; one helper computes all."""
 
     def template(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
         dimension = node.data.dimension
@@ -279,7 +279,7 @@ def _sample(component: str) -> Template:
         printer.helpers["interpolated", f"{dimension} {constant}"] = samples_helper(dimension, constant)
         printer.text.samples[node.data.name] = node.data
         call = call_text("interpolated", [Piece(node.data.name, ATOM, 0), *pieces], [node, *node.args])
-        picked = "xyzw"[dimension] if component == "value" else "xyz"[:dimension]
+        picked = {"value": "w", "bend": "z", "slope": "xyz"[:dimension]}[component]
         return Piece(f"{call.text}.{picked}", POSTFIX, call.depth)
 
     return template
@@ -401,6 +401,7 @@ TEMPLATES: Mapping[str, Template] = {
     "record": lambda _printer, node, pieces: call_text(node.type.name, pieces, node.args),
     "sample": _sample("value"),
     "sample_slope": _sample("slope"),
+    "sample_bend": _sample("bend"),
     "texture": _texture,
     "texture_in_atlas": _texture_in_atlas,
     "hash": _hash,

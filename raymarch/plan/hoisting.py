@@ -23,7 +23,9 @@ from raymarch.prices import STANDARD, Prices
 from raymarch.scene.parameter import Spec, Value, Values
 from raymarch.sdf.lower import rewritten
 
-NEVER_HOISTED = frozenset("var apply cell loop item mark sample sample_slope fetch texture raw raw_slope".split())
+NEVER_HOISTED = frozenset(
+    "var apply cell loop item mark sample sample_slope sample_bend fetch texture raw raw_slope".split()
+)
 """Operations that depend on the point, or that only the shader can evaluate."""
 
 

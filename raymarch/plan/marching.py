@@ -247,6 +247,12 @@ def _all_free(scene: Scene, advancing: Callable[[], Function] | None) -> bool:
     return True
 
 
+BY_SLOPE = 1.4
+"""Largest ratio of the operations of the advance to those of the distance, as a multiple of the steepest slope of a
+height map: the distance is divided by that slope, the advance is not. With a ratio of 4.5, slopes of 2.4, 3.5 and 4.9
+take .59, .58 and .57 of the evaluations, and .99, .98 and .99 of the CPU time, 320x180, llvmpipe."""
+
+
 def _whether_to_advance(
     scene: Scene, operations: int, reads: int, advancing: Callable[[], Function], prices: Prices
 ) -> tuple[str, str]:
@@ -272,7 +278,8 @@ def _whether_to_advance(
         return "bracketing", f"{longer}; of {unknown.node.name} nothing but the distance is known along a ray"
     needed = count_operations([body])
     ahead, distance = needed + prices.read * count_reads([body]), max(operations + prices.read * reads, 1)
-    ratio, worth = ahead / distance, min([prices.advance, *steepest_slopes(scene.node)])
+    ratio = ahead / distance
+    worth = min([prices.advance, *[BY_SLOPE * slope for slope in steepest_slopes(scene.node)]])
     cost = f"in {ratio:.1f} times the operations of the distance"
     cost += (
         f" ({prices.nanoseconds(ahead)} in place of {prices.nanoseconds(distance)}; worth it up to {worth:.1f} times)"

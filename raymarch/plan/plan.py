@@ -15,6 +15,7 @@ import numpy as np
 from raymarch.errors import Doubt, Location, warn
 from raymarch.expr.function import Function
 from raymarch.expr.node import Expr
+from raymarch.expr.operations import READING
 from raymarch.expr.samples import Samples
 from raymarch.expr.tables import Table
 from raymarch.expr.texels import Texels
@@ -286,11 +287,7 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
         roots = [root for function in functions if function is not None for root in function.inner]
         if any(p.shades for p in self.passes):
             roots += self.scene.sky.expressions
-        return list(
-            dict.fromkeys(
-                node.data for node in find(roots, "texture", "texture_in_atlas", "sample", "sample_slope", "fetch")
-            )
-        )
+        return list(dict.fromkeys(node.data for node in find(roots, "texture", "texture_in_atlas", *READING)))
 
     @cached_property
     def features(self) -> list[Feature]:

@@ -141,7 +141,7 @@ def _texture(node: Expr, *_values: Span) -> Span:
 
 
 RULES: Mapping[str, Rule] = {
-    **dict.fromkeys(("raw", "raw_slope", "sample_slope", "finite", "cell"), _unknown),
+    **dict.fromkeys(("raw", "raw_slope", "sample_slope", "sample_bend", "finite", "cell"), _unknown),
     "hash": _hash,
     "fetch": _fetch,
     "sample": _sample,

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from raymarch.expr.function import Function
 from raymarch.expr.node import Expr, const, var
-from raymarch.expr.samples import Samples, sample, sample_slope
+from raymarch.expr.samples import Samples, sample, sample_bend, sample_slope
 from raymarch.expr.smooth import LEAST
 from raymarch.expr.stretch import Unbounded, first_root, series_of
 from raymarch.expr.tables import Table, fetch
@@ -130,10 +130,11 @@ def free_over(data: Samples) -> Function:
     block = _block(data, at, rate, w)
     here = sample(data, at)
     above, slope = p.y - height * here, d.y - height * dot(sample_slope(here), rate)
+    bend = -height * sample_bend(here) * rate.x * rate.y  # within a cell the height above the map is a parabola
     border = min(w, min(*(abs(step(0.0, rate) - fract(at)) / max(abs(rate), LEAST))))
-    there = p.y + border * d.y - height * sample(data, at + border * rate) - level - growth * border
-    first, falls = above - level, (slope - growth) * border
-    root = first_root(first, falls, there - first - falls, const(1.0))
+    first, falls, bent = above - level, (slope - growth) * border, bend * border * border
+    there = first + falls + bent
+    root = first_root(first, falls, bent, const(1.0))
     beyond = max(there, 0.0) / max(growth + height * block.y * length(rate) - d.y, LEAST)
     inside = all_of(at.x >= 0.0, at.y >= 0.0, at.x <= last[0], at.y <= last[1])
     way = border * root + where(root < 1.0, 0.0, beyond)

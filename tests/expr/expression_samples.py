@@ -26,7 +26,7 @@ from raymarch.expr.limits import Limit
 from raymarch.expr.node import make, swizzle
 from raymarch.expr.raw import RawFunction, raw
 from raymarch.expr.raw import slope as raw_slope
-from raymarch.expr.samples import Samples, sample_slope
+from raymarch.expr.samples import Samples, sample_bend, sample_slope
 from raymarch.expr.samples import sample as interpolated
 from raymarch.expr.texels import Texels
 from raymarch.expr.textures import texture, texture_in_atlas
@@ -498,6 +498,13 @@ def p_slope(at: Plain) -> Plain:
     return tuple(slopes)
 
 
+def p_bend(at: Plain) -> float:
+    """How much more the values rise along x at the upper side of the cell than at the lower one."""
+    x, y = (min(int(min(max(a, 0.0), n - 1.0)), n - 2) for a, n in zip(at, DATA[2].size, strict=True))
+    rise = [p_interpolated((x + 1.0, y + k)) - p_interpolated((float(x), y + k)) for k in (0.0, 1.0)]
+    return rise[1] - rise[0]
+
+
 _TEXELS = Pool(-0.5, 2.5, (0.0, 1.0, 2.0, 0.5, 1.5, -3.0, 7.0))
 for _n in (2, 3):
     sample(f"sampled{_n}d", partial(interpolated, DATA[_n]), p_interpolated, absolute=16, a=of(_n, _TEXELS))
@@ -509,6 +516,15 @@ for _n in (2, 3):
         a=of(_n, _TEXELS),
         fixed=("a",),  # within a cell the slope is taken as constant: a field is not differentiated twice
     )
+
+sample(
+    "sampled_bend2d",
+    lambda a: sample_bend(interpolated(DATA[2], a)),
+    p_bend,
+    absolute=16,
+    a=of(2, _TEXELS),
+    fixed=("a",),
+)
 
 # Pictures
 

@@ -315,7 +315,7 @@ RULES: Mapping[str, Rule] = {
     **{name: _compare(name) for name in ("lt", "le")},
     **{name: _logic(name) for name in ("and", "or", "not")},
     **{name: _picked(name) for name in ("swizzle", "construct", "columns", "transpose")},
-    **{name: _exact(name) for name in ("hash", "sample_slope", "fetch")},
+    **{name: _exact(name) for name in ("hash", "sample_slope", "sample_bend", "fetch")},
     "atan2": _angle,
     "fract": _fract,
     "where": _where,

@@ -13,7 +13,9 @@ from raymarch.scene import load
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-@pytest.mark.parametrize("name", ["columns", "showcase/plates", "papers/lights", "papers/smoothing", "showcase/lake"])
+@pytest.mark.parametrize(
+    "name", ["columns", "showcase/plates", "papers/lights", "papers/smoothing", "papers/carpet", "showcase/lake"]
+)
 def test_scenes_whose_solids_are_all_known_along_rays_take_it(name: str) -> None:
     marching = plan(load(EXAMPLES / f"{name}.py"), size=(320, 180)).marching
     assert marching.tracer == "advance" and "times the operations of the distance" in marching.tracer_reason
@@ -25,7 +27,6 @@ def test_scenes_whose_solids_are_all_known_along_rays_take_it(name: str) -> None
         ("csg", "a cut may leave a membrane"),
         ("village", "a cut may leave a membrane"),
         ("papers/frosted", "inside of solids too"),
-        ("papers/carpet", "more than it saves"),
         ("large/city", "of repeat_varied nothing but the distance"),
         ("papers/glass", "inside of solids too"),
     ],

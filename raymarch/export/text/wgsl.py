@@ -31,7 +31,7 @@ union unless unsafe using virtual wgsl yield fallthrough bitcast saturate ldexp 
 """
 """Words of WGSL that may be names in GLSL."""
 
-REFUSED = ("raw", "raw_slope", "sample", "sample_slope", "texture", "texture_in_atlas", "fetch")
+REFUSED = ("raw", "raw_slope", "sample", "sample_slope", "sample_bend", "texture", "texture_in_atlas", "fetch")
 """Operations that need textures, or text of another language."""
 
 STATE = {
