@@ -15,6 +15,9 @@ from typing import Final
 OBJECT: Final = 10
 """Operations of a small object: a sphere that is moved."""
 
+LISTED: Final = 3
+"""Objects in the cell of a point, as a rule: those that rows evaluate too."""
+
 SAVED_FAR, SAVED, SAVED_BESIDE = 5.0, 1.0, 1 / 30
 """Evaluations per pixel that cones save: where a marched solid is unbounded, where all are bounded, and where these are
 beside closed-form hits. Rays along unbounded solids take the most steps; where the floor is solved in closed form and
@@ -36,6 +39,8 @@ class Prices:
     look_up : operations to find the objects of a point through cells, beside those of the objects found. On llvmpipe
         the first five frames of 32 small objects take as long as with text; from 75 on each frame is faster as rows.
         See docs/scale.md; `python -m tests.lab.objects`.
+    by_operations : True if objects count by their operations: measured prices were compared so, those of the classes
+        for small objects.
     form : operations of a further form in the loop over the objects of a cell.
     advance : largest ratio of the operations that tell how far a ray is free to those of the distance. Where all solids
         are known along a ray, it takes a half to an eighth of the evaluations. CPU time of frames, 320x180, llvmpipe,
@@ -58,8 +63,8 @@ class Prices:
     patience : seconds by which a choice that saves time in each frame may delay the first.
     slow_text : estimated seconds of text from which fewer objects become rows. Twelve chess pieces of five kinds have
         their first frame in half the time; further frames take 1.6 times as long. See docs/scale.md.
-    costly_text : the same of costly objects, by their operations without the square: cells spare as many evaluations as
-        boxes, in a shader with one function for each form. See docs/scale.md.
+    costly_objects : operations of costly objects together from which they become rows: cells spare as many evaluations
+        as boxes, in a shader with one function for each form. See docs/scale.md.
 
     Counts that follow from several prices, measured as they are
     ------------------------------------------------------------
@@ -91,6 +96,7 @@ class Prices:
     skip: float = 700.0
     unroll: float = 400.0
     look_up: float = 320.0
+    by_operations: bool = False
     form: float = 80.0
     advance: float = 6.0
 
@@ -101,7 +107,7 @@ class Prices:
     closed_form: float = 0.0495
     patience: float = 1.19
     slow_text: float = 10.0
-    costly_text: float = 24.0
+    costly_objects: float = 20_000.0
 
     operands: int = 4
     boxes: int = 8
@@ -137,11 +143,6 @@ class Prices:
         are. More delay the first frame by more than ten frames gain."""
         return int(self.patience / self.closed_form + 1e-6)
 
-    @property
-    def costly_operations(self) -> float:
-        """Operations of costly objects together from which they become rows."""
-        return 1e3 * self.costly_text / self.compile
-
     def seconds(self, operations: float) -> float:
         """Estimated seconds to compile so many operations without branches, and to draw a first frame of them."""
         return self.compile * 1e-3 * operations + self.compile_square * 1e-6 * operations * operations
@@ -157,3 +158,7 @@ class Prices:
 
 STANDARD: Final = Prices()
 """The prices of choices that are made before a device is known: when a node is made, or a scene is doubted."""
+
+
+SWITCH: Final = "RAYMARCH_MEASURED"
+"""The variable of the environment that is "off" to plan with the prices of the class of a device alone."""

@@ -36,6 +36,8 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
+os.environ["RAYMARCH_MEASURED"] = "off"  # prices that someone has measured here change evaluations
+
 LONG = Path(__file__).parent / "long.txt"
 
 

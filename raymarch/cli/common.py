@@ -17,6 +17,7 @@ import typer
 from rich.console import Console
 
 from raymarch.errors import RaymarchError, SceneError, printable
+from raymarch.prices import SWITCH
 
 
 class Errors(Console):
@@ -55,6 +56,23 @@ SceneFile = Annotated[Path, typer.Argument(metavar="SCENE.py", help="Python file
 
 Settings = Annotated[
     list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Value of a Param; may be repeated.")
+]
+
+
+def ignore_measured(ignored: bool) -> bool:
+    """For this process and those that it starts."""
+    if ignored:
+        os.environ[SWITCH] = "off"
+    return ignored
+
+
+NoMeasured = Annotated[
+    bool,
+    typer.Option(
+        "--no-measured",
+        callback=ignore_measured,
+        help="Plan by the prices of the device's class, not those of `raymarch doctor --measure`.",
+    ),
 ]
 Backend = Annotated[str, typer.Option(help="auto, egl, osmesa or window.")]
 Device = Annotated[

@@ -16,11 +16,13 @@ from raymarch.cli.common import (
     Backend,
     CommandError,
     Device,
+    NoMeasured,
     OptionalTime,
     Output,
     SceneFile,
     Settings,
     errors,
+    ignore_measured,
     parse_settings,
     parse_size,
 )
@@ -126,6 +128,7 @@ def run(
     ] = False,
     backend: Backend = "auto",
     device: Device = None,
+    no_measured: NoMeasured = False,
 ) -> None:
     files = {"--json": json, "--csv": csv, "--plot": plot, "--html": html, "--write-baseline": write_baseline}
     baselines = {"--check": check_, "--write-baseline": write_baseline}
@@ -142,6 +145,8 @@ def run(
     pixels, params = parse_size(size or SIZE), parse_settings(set_ or [])
     source, found = (None, load(scene)) if cluster is None else of_file(scene)  # read once: it may be a pipe
     bench = _Bench(found, scene.stem, pixels, time or 0.0, params, repeats, seed, samples, backend, device)
+    if write_baseline is not None or check_ is not None:
+        ignore_measured(True)  # evaluations then depend on no driver
     if write_baseline is not None:
         _write_baseline(bench, write_baseline)
     elif check_ is not None:

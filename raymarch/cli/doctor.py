@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json as json_format
 from dataclasses import asdict
+from datetime import date
 from typing import Annotated, Any
 
 import typer
@@ -11,6 +12,8 @@ import typer
 from raymarch.cli.common import CommandError, Output
 from raymarch.cli.progress import bar
 from raymarch.gpu.doctor import examine
+from raymarch.gpu.measured_prices import summary
+from raymarch.prices import SWITCH
 
 
 def run(
@@ -23,17 +26,31 @@ def run(
             "works, and hold them against float64. Takes a minute or two; code 1 if one differs.",
         ),
     ] = False,
+    measure: Annotated[
+        bool,
+        typer.Option(
+            "--measure",
+            help="Measure on the first backend that works what its driver takes for the parts of each choice, and plan "
+            "by that from then on. Takes a minute or two.",
+        ),
+    ] = False,
 ) -> None:
+    prices = _measured() if measure else None  # before other contexts, which would use the driver's cache of shaders
     found = examine()
     works = any(report.works for report in found)
     rows = _checked() if check and works else []
     if json:
-        reports: Any = [report.to_dict() for report in found]
-        said = {"backends": reports, "check": [_plain(row) for row in rows]} if check else reports
+        reports: Any = [{**report.to_dict(), "prices": _known(report)} for report in found]
+        said = {"backends": reports}
+        said |= {"check": [_plain(row) for row in rows]} if check else {}
+        said |= {"prices": [asdict(each) for each in prices]} if prices is not None else {}
+        said = said if check or measure else reports
         typer.echo(json_format.dumps(said, indent=2))
     else:
         for report in found:
             _show_report(report)
+        if prices is not None:
+            _show_prices(prices)
         if rows:
             _show_check(rows)
     if not works:
@@ -58,11 +75,56 @@ def _show_report(report: Any) -> None:
             ("uniform components", limits.fragment_uniform_components),
             ("loops", report.loops.words),
             ("clock", report.clock.verdict),
+            ("prices", _prices_of(report)),
         ]
     else:
         rows = [("fault", report.error), ("cure", report.cure)]
     for name, value in rows:
         out.print(f"  {name:<20}{value}", markup=False)
+    out.print()
+
+
+def _known(report: Any) -> dict[str, Any] | None:
+    """The measured prices of a backend's driver; None if there are none."""
+    driver = report.driver
+    return None if driver is None else summary(driver.renderer, driver.version, driver.class_alone)
+
+
+def _prices_of(report: Any) -> str:
+    """By which prices scenes are planned, and how to change it."""
+    known = _known(report)
+    if known is None:
+        return (
+            f"those of the class {report.driver.class_alone.name}; `raymarch doctor --measure` measures this driver's"
+        )
+    used = "used" if known["used"] else f"ignored, as {SWITCH} says"
+    return f"measured on {known['date']}, {used}; remove '{known['file']}' to plan by the class alone"
+
+
+def _measured() -> list[Any]:
+    """Measure the prices of the first backend that works, and keep them."""
+    from raymarch.cost.prices import Bench, measure
+    from raymarch.gpu.context import open_context
+    from raymarch.gpu.driver_cache import without_driver_cache
+    from raymarch.gpu.measured_prices import check_folder, keep
+
+    check_folder(CommandError)  # a minute before it is written
+    with without_driver_cache(), open_context() as context, bar("measuring prices", 1.0) as report:
+        made, found = measure(Bench(context, context.driver.class_alone), date.today().isoformat(), report)
+    keep(made, CommandError)
+    return found
+
+
+def _show_prices(prices: list[Any]) -> None:
+    out = Output()
+    out.print("[bold]measured prices[/bold]  (`raymarch.prices.Prices` says what each is, and its unit)")
+    line = "  {:<18}{:>10}{:>22}{:>10}  {}"
+    out.print(line.format("", "measured", "interval", "class", ""), markup=False)
+    for each in prices:
+        interval = f"{each.low:.3g} to {each.high:.3g}"
+        kept = f"that of the class, {each.kept}" if each.kept else ""
+        out.print(line.format(each.name, f"{each.value:.3g}", interval, f"{each.standard:.3g}", kept), markup=False)
+    out.print("  all others are those of the class", markup=False)
     out.print()
 
 

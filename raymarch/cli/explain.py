@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json as json_format
 import sys
+from contextlib import suppress
 from typing import Annotated
 
 import numpy as np
@@ -12,6 +13,7 @@ import typer
 from raymarch.cli.common import (
     SIZE,
     CommandError,
+    NoMeasured,
     OptionalTime,
     Output,
     SceneFile,
@@ -21,8 +23,11 @@ from raymarch.cli.common import (
     parse_size,
 )
 from raymarch.cli.presets import Preset, with_preset
+from raymarch.errors import DeviceError
+from raymarch.gpu.context import open_context
+from raymarch.gpu.measured_prices import are_kept
 from raymarch.plan import explain, plan
-from raymarch.plan.device import of_name
+from raymarch.plan.device import DeviceClass, of_name
 from raymarch.scene.file import load
 from raymarch.scene.parameter import Values, set_values
 from raymarch.scene.scene import Scene
@@ -40,6 +45,7 @@ def run(
     device: Annotated[
         str | None, typer.Option("--device-class", metavar="NAME", help="Plan for software (default) or hardware.")
     ] = None,
+    no_measured: NoMeasured = False,
     json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     glsl: Annotated[bool, typer.Option("--glsl", help="Print the GLSL of the fragment shader.")] = False,
 ) -> None:
@@ -48,7 +54,7 @@ def run(
         raise CommandError("--json together with --glsl", legal="one of them; the JSON holds the GLSL as well")
     with output_to_errors():  # for what the scene prints
         found = with_preset(load(scene), quality)
-        made = plan(found, size=pixels, device=of_name(device) if device else None)
+        made = plan(found, size=pixels, device=_planned_for(device))
     values = set_values(found.parameters, parse_settings(set_ or []), time or 0.0, found.where)
     frame = _frame(found, values, pixels[0] / pixels[1])
     shader = assemble(made)
@@ -66,6 +72,16 @@ def run(
         out.print("\n[bold]Frame (the plan is the same for all values of parameters and time)[/bold]")
         for name, value in frame.items():
             out.print(f"  {name:<{explain.WIDTH}}  {_shown(value)}", markup=False)
+
+
+def _planned_for(name: str | None) -> DeviceClass | None:
+    """The class of a name, or the driver of this machine if its prices were measured; None for the usual class."""
+    if name or not are_kept():
+        return of_name(name) if name else None
+    with suppress(DeviceError), open_context() as context:
+        found = context.driver.device_class
+        return found if found.measured else None
+    return None
 
 
 def _frame(scene: Scene, values: Values, aspect: float) -> dict[str, float | list[float]]:

@@ -15,6 +15,7 @@ from raymarch.cli.common import (
     Backend,
     CommandError,
     Device,
+    NoMeasured,
     OptionalTime,
     SceneFile,
     errors,
@@ -129,6 +130,7 @@ def run(
     task_timeout: TaskTimeout = None,
     backend: Backend = "auto",
     device: Device = None,
+    no_measured: NoMeasured = False,
 ) -> None:
     with ExitStack() as stack:
         report = stack.enter_context(reported(json))

@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from raymarch.cli.common import CommandError, SceneFile, Settings, errors, parse_settings, parse_size
+from raymarch.cli.common import CommandError, NoMeasured, SceneFile, Settings, errors, parse_settings, parse_size
 from raymarch.cli.presets import Preset, check_preset
 from raymarch.files import read_json, reading
 
@@ -67,6 +67,7 @@ def run(
     log: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write events as lines of JSON, for scripts.")
     ] = None,
+    no_measured: NoMeasured = False,
 ) -> None:
     _check(budget, demo_seconds, time)
     from raymarch.window.accuracy import MEASURED, Stop, measured_stops

@@ -14,7 +14,7 @@ import PIL
 import raymarch
 from raymarch.errors import ClusterError
 from raymarch.files import sources
-from raymarch.gpu.context import Driver
+from raymarch.gpu.driver import Driver
 
 
 @dataclass(frozen=True, slots=True)

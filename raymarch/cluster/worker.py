@@ -108,6 +108,9 @@ class _State:
         if self.renderer is None or self.opened != (backend, device):
             self.close()
             self.renderer, self.opened = Renderer(size, backend, device), (backend, device)
+            # All workers draw by one plan, whatever was measured on the driver of one of them.
+            alone = self.renderer.context.driver.class_alone
+            self.renderer.context.device = self.renderer.resources.device = alone
         if self.renderer.size != size:
             self.renderer.resize(size)
         return self.renderer

@@ -176,7 +176,7 @@ def _figures(scene: Scene, renderer: Any, time: float, params: Any) -> dict[str,
     size = renderer.size
     color = renderer.render(scene, time, params, ("color",)).array("color")
     renderer.render(scene, time, params, ("color",))
-    planned = plan(scene, size=size)
+    planned = plan(scene, size=size, device=renderer.resources.device)
     shader = assemble(planned)
     data = sum(samples.nbytes for samples in shader.samples.values())
     cells = sum(level.size(size)[0] * level.size(size)[1] for level in planned.marching.schedule.levels)
@@ -207,6 +207,7 @@ def evaluation_counts(
     See `raymarch.shader.tally`.
     """
     with Renderer(renderer.size, context=renderer.context) as own:
+        own.resources.device = renderer.resources.device
         counts = own.render(scene, time, params, ("all_evaluations",)).array("all_evaluations")
         return np.asarray(counts, np.float32)
 

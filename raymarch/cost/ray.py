@@ -109,7 +109,7 @@ def ray_samples(
     quality = scene.quality if tracer is None else scene.quality.replace(tracer=tracer, omega=None)
     quality = quality.replace(**SINGLE_PASS, samples=1, edges="samples", rays="computed")
     with Renderer(size, backend) as renderer:
-        made = plan(scene.replace(quality=quality), ("ray",), size, device=renderer.context.driver.device_class)
+        made = plan(scene.replace(quality=quality), ("ray",), size, device=renderer.resources.device)
         pose, samples, end = _drawn(renderer, assembled(made), (column, row), set_values(made.parameters, params, time))
     hit, taken = float(end[0, 0]), int(end[0, 1])
     if taken > size[0] * size[1]:

@@ -32,7 +32,7 @@ from raymarch.export.stills import (
     view_of,
 )
 from raymarch.files import UNFINISHED, import_optional, written
-from raymarch.gpu.context import Driver
+from raymarch.gpu.driver import Driver
 from raymarch.gpu.frame import Frame
 from raymarch.gpu.part import PicturePart, prepared_part
 from raymarch.gpu.prepare import Prepared, assembled, drawn_for, passes_for
@@ -240,8 +240,9 @@ class Contents:
 
     def __init__(self, scene: Scene, shot: Shot, renderer: Renderer | None = None) -> None:
         self.scene, self.shot = drawn_for(scene, shot.outputs), shot
-        same = renderer is not None and renderer.context.driver.device_class is device_class()
-        self.renderer = renderer if same else None
+        given = None if renderer is None else renderer.resources.device
+        self.renderer = renderer if given == device_class() else None
+        self.measured = "" if given is None else given.measured
         self._ready: dict[Any, Prepared] = {}
 
     def of(self, item: Item, params: Mapping[str, ParamValue] | None = None) -> str | None:
@@ -259,9 +260,10 @@ class Contents:
                 make = assembled if item.part is None else prepared_part
                 self._ready[key] = make(plan(self.scene, passes_for(shot.outputs), size))
             ready = self._ready[key]
-        return content_of(
+        found = content_of(
             ready, self.scene, item.size, item.time, params or shot.params, shot.outputs, shot.label, item.part
         )
+        return f"{found} {self.measured}" if found and self.measured else found
 
     def place(
         self,

@@ -20,7 +20,7 @@ import raymarch
 from raymarch.errors import Doubt, RenderError
 from raymarch.export.layers import ARRAYS, layers_of
 from raymarch.expr.images import write_channels
-from raymarch.gpu.context import Driver
+from raymarch.gpu.driver import Driver
 from raymarch.gpu.frame import Frame
 from raymarch.gpu.part import PicturePart
 from raymarch.gpu.prepare import Prepared, Wanted, frame_uniforms

@@ -15,7 +15,6 @@ import threading
 import weakref
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
 from typing import Any, Self
 
 import moderngl
@@ -23,11 +22,12 @@ import moderngl
 from raymarch.errors import DeviceError, user_location
 from raymarch.expr.convert import plain, short
 from raymarch.gpu import current
+from raymarch.gpu.driver import driver_of, limits_of
 from raymarch.gpu.driver_cache import note_opening
 from raymarch.gpu.fences import Fences
 from raymarch.gpu.glfw_windows import CURES, GLFW, GlfwBinding, import_glfw, one_line
 from raymarch.gpu.signals import deferred
-from raymarch.plan.device import DeviceClass, device_class
+from raymarch.plan.device import DeviceClass
 
 BACKENDS = ("egl", "osmesa", "window")
 """The backends, in the order in which `auto` tries them."""
@@ -37,46 +37,6 @@ EGL_DEVICE_VARIABLE = "RAYMARCH_EGL_DEVICE"
 
 _GL_VERSION, _GL_WITH_COMPUTE = 330, 430
 """The second is asked for first, where it may be had: some drivers give exactly the version that is asked for."""
-_SOFTWARE_RENDERERS = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader", "basic render", "gdi generic")
-
-
-@dataclass(frozen=True, slots=True)
-class Driver:
-    """The three identification strings of the driver, and whether it renders on the CPU."""
-
-    renderer: str
-    vendor: str
-    version: str
-    is_software: bool
-
-    @property
-    def device_class(self) -> DeviceClass:
-        """The class for which scenes are planned."""
-        return device_class(self.is_software)
-
-    @property
-    def compiles_opaque_twice(self) -> bool:
-        """True for llvmpipe, which compiles a fragment shader with one opaque output twice: for blocks of pixels that
-        the triangle covers in part, and for others. With a logical operation it compiles once."""
-        return self.renderer.startswith("llvmpipe")
-
-
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """Limits of the driver: sizes in pixels, uniforms in 32-bit components and in vec4."""
-
-    texture_size: int
-    viewport: tuple[int, int]
-    renderbuffer_size: int
-    fragment_uniform_components: int
-    fragment_uniform_vectors: int
-    texture_units: int
-    color_attachments: int
-
-    @property
-    def picture(self) -> tuple[int, int]:
-        """The largest (width, height) of a render target."""
-        return min(self.texture_size, self.viewport[0]), min(self.texture_size, self.viewport[1])
 
 
 class Releasing:
@@ -138,6 +98,7 @@ class Context(Releasing):
     driver, limits : identification and limits of the driver.
     why : why this backend was chosen, and the errors of backends that `auto` tried before.
     window : the glfw window of a "window" or "osmesa" context, else None. Hidden, unless made by `open_window`.
+    device : for which new renderers plan scenes; None for `driver.device_class`.
     kept : objects of other modules that live as long as the context.
     unread : what frames have not read yet (`raymarch.gpu.unread.Unread`). It is read before its texture changes, before
         the context is released, and before a fork of the process.
@@ -148,8 +109,8 @@ class Context(Releasing):
         self.backend = backend
         self.why = why
         self.window = window
-        self.driver = _driver(gl.info)
-        self.limits = _limits(gl.info)
+        self.driver = driver_of(gl.info)
+        self.limits = limits_of(gl.info)
         found = current.current()
         if len(found) != 1:
             raise DeviceError(f"{len(found)} platform libraries report the new context as current, not 1")
@@ -163,6 +124,7 @@ class Context(Releasing):
         self._fences = Fences(gl, self.driver.renderer)
         self.kept: dict[str, Any] = {}
         self.unread: weakref.WeakSet[Any] = weakref.WeakSet()
+        self.device: DeviceClass | None = None
         _CONTEXTS.add(self)
 
     @property
@@ -473,24 +435,3 @@ def _create_on_glfw(window: Any) -> moderngl.Context:
     except Exception:
         binding.__exit__()
         raise
-
-
-def _driver(info: dict[str, Any]) -> Driver:
-    renderer = str(info["GL_RENDERER"])
-    is_software = any(word in renderer.lower() for word in _SOFTWARE_RENDERERS)
-    return Driver(renderer, str(info["GL_VENDOR"]), str(info["GL_VERSION"]), is_software)
-
-
-def _limits(info: dict[str, Any]) -> Limits:
-    width, height = info["GL_MAX_VIEWPORT_DIMS"]
-    components = int(info["GL_MAX_FRAGMENT_UNIFORM_COMPONENTS"])
-    return Limits(
-        texture_size=int(info["GL_MAX_TEXTURE_SIZE"]),
-        viewport=(int(width), int(height)),
-        renderbuffer_size=int(info["GL_MAX_RENDERBUFFER_SIZE"]),
-        fragment_uniform_components=components,
-        # The count in vec4 exists since OpenGL 4.1; a 3.3 driver may not report it.
-        fragment_uniform_vectors=int(info.get("GL_MAX_FRAGMENT_UNIFORM_VECTORS") or components // 4),
-        texture_units=int(info["GL_MAX_TEXTURE_IMAGE_UNITS"]),
-        color_attachments=min(int(info["GL_MAX_COLOR_ATTACHMENTS"]), int(info["GL_MAX_DRAW_BUFFERS"])),
-    )

@@ -9,7 +9,8 @@ from typing import Any
 from raymarch.errors import DeviceError
 from raymarch.gpu.clock import Clock, Kind
 from raymarch.gpu.compute import draws_by, why_drawn_so
-from raymarch.gpu.context import BACKENDS, Context, Driver, Limits, open_context
+from raymarch.gpu.context import BACKENDS, Context, open_context
+from raymarch.gpu.driver import Driver, Limits
 from raymarch.gpu.program import FULL_SCREEN, Program
 from raymarch.gpu.targets import Target
 

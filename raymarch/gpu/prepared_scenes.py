@@ -11,7 +11,6 @@ from raymarch.gpu.part import prepared_part
 from raymarch.gpu.prepare import Prepared, Wanted, assembled, drawn_for, passes_for, with_lights
 from raymarch.gpu.resource_cache import ResourceCache, check_compile_time
 from raymarch.plan import Plan, marched_otherwise, marching, plan
-from raymarch.plan.device import DeviceClass
 from raymarch.plan.live_lights import LightMemory, LiveLights
 from raymarch.scene.scene import Scene
 
@@ -24,7 +23,7 @@ class PreparedScenes:
 
     def __init__(self, resources: ResourceCache) -> None:
         self._resources = resources
-        self._device: DeviceClass | None = None
+        self._device = resources.device
         self._ready: OrderedDict[tuple[Any, ...], Prepared] = OrderedDict()
         self._plans: OrderedDict[tuple[Any, ...], Plan] = OrderedDict()
         self._lights = LightMemory()
@@ -32,15 +31,11 @@ class PreparedScenes:
         self._last: tuple[Scene, tuple[Any, ...], Prepared] | None = None
         self._another: tuple[Scene, Scene] | None = None
 
-    @property
-    def device(self) -> DeviceClass:
-        """The class of devices for which scenes are planned."""
-        return self._device or self._resources.context.driver.device_class
-
-    @device.setter
-    def device(self, chosen: DeviceClass) -> None:
-        self._device = chosen
-        self.clear()
+    def _forget_other_prices(self) -> None:
+        """Forget all scenes if the renderer plans for another device now."""
+        if self._resources.device is not self._device:
+            self._device = self._resources.device
+            self.clear()
 
     def of(self, scene: Scene, outputs: Sequence[Wanted], size: tuple[int, int], part: bool = False) -> Prepared:
         """The plan and shader of a scene, from the cache if possible.
@@ -49,6 +44,7 @@ class PreparedScenes:
         """
         scene, passes = self.drawn_for(scene, outputs), passes_for(outputs)
         asked = (tuple(passes), size, part)
+        self._forget_other_prices()
         if self._last is not None and self._last[0] is scene and self._last[1] == asked:
             return self._last[2]
         key = (scene.planned, *asked)
@@ -73,7 +69,7 @@ class PreparedScenes:
         if part or not self._resources.live_lights:
             return (prepared_part if part else assembled)(self._planned(scene, passes, size, None))
         of = scene.planned_without("lights")
-        live = self._lights.fit(scene, of, self.device.prices)
+        live = self._lights.fit(scene, of, self._device.prices)
         key = (of, passes, size)
         earlier = self._versions.pop(key, None)
         found = None if earlier is None else with_lights(earlier, scene, live)
@@ -85,7 +81,7 @@ class PreparedScenes:
     def adopt(self, scene: Scene, outputs: Sequence[Wanted], size: tuple[int, int], prepared: Prepared) -> None:
         """Cache a scene that was prepared elsewhere."""
         if self._resources.live_lights:
-            self._lights.fit(scene, scene.planned_without("lights"), self.device.prices)
+            self._lights.fit(scene, scene.planned_without("lights"), self._device.prices)
         self._add((scene.planned, tuple(passes_for(outputs)), size, False), prepared)
 
     def clear(self) -> None:
@@ -109,7 +105,7 @@ class PreparedScenes:
             self._plans.move_to_end(key)
             return marched_otherwise(self._plans[key], scene.quality, size)
         refuse = partial(self._refuse_slow, scene)
-        found = self._plans[key] = plan(scene, passes, size, refuse=refuse, device=self.device, live=live)
+        found = self._plans[key] = plan(scene, passes, size, refuse=refuse, device=self._device, live=live)
         while len(self._plans) > PLANNED:
             self._plans.popitem(last=False)
         return found

@@ -87,6 +87,7 @@ class ResourceCache:
     compiled : number of programs that the driver has compiled so far.
     kept : maximum number of cached programs.
     live_lights : whether lights that come and go become rows, so that no program is compiled for them.
+    device : the class of devices for which scenes are planned, with prices.
     """
 
     def __init__(self, context: Context) -> None:
@@ -94,6 +95,7 @@ class ResourceCache:
         self.compiled = 0
         self.kept = KEPT
         self.live_lights = True
+        self.device = context.device or context.driver.device_class
         self._programs: OrderedDict[tuple[str, str], Program] = OrderedDict()
         self._drawn: set[Program] = set()
         self._targets: dict[str, Target | PingPong] = {}

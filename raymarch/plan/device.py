@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Final
 
 from raymarch.errors import PlanError
 from raymarch.prices import STANDARD, Prices
@@ -17,7 +17,8 @@ class DeviceClass:
     name : "software" or "hardware". reason : what they have in common.
     branches : True if functions that choose between costly values find the choice first, then evaluate one value.
     arrays : True if an array with a computed index is as fast as other variables: else it is kept in memory.
-    prices : what it takes for the parts of each choice.
+    prices : what it takes for the parts of each choice. measured : where and when they were measured on a driver; ""
+        for those of the class.
     """
 
     name: str
@@ -25,6 +26,7 @@ class DeviceClass:
     branches: bool
     arrays: bool
     prices: Prices = STANDARD
+    measured: str = ""
 
 
 SOFTWARE: Final = DeviceClass(
@@ -51,3 +53,15 @@ def of_name(name: str, what: str = "--device-class") -> DeviceClass:
     if name not in CLASSES:
         raise PlanError(f"{what}={name!r}", legal=", ".join(CLASSES))
     return CLASSES[name]
+
+
+def as_plain(device: DeviceClass) -> dict[str, Any]:
+    """A class and its prices as JSON types; see `of_plain`."""
+    return {"class": device.name, "prices": asdict(device.prices), "measured": device.measured}
+
+
+def of_plain(given: dict[str, Any] | None) -> DeviceClass:
+    """The class that `as_plain` was given. None : software."""
+    if given is None:
+        return SOFTWARE
+    return replace(CLASSES[given["class"]], prices=Prices(**given["prices"]), measured=given["measured"])

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from raymarch.plan.device import as_plain
 from raymarch.plan.plan import Plan
 from raymarch.plan.presets import meanings
 
@@ -30,7 +31,7 @@ def as_dict(plan: Plan, modules: Mapping[str, str]) -> dict[str, Any]:
             "shapes": plan.shapes,
             "operations": plan.operations,
         },
-        "device": {"class": plan.device.name, "reason": plan.device.reason},
+        "device": {**as_plain(plan.device), "reason": plan.device.reason},
         "passes": [{"name": p.name, "textures": p.textures, "reason": p.reason} for p in plan.passes],
         "modules": [{"name": name, "reason": reason} for name, reason in modules.items()],
         "features": [
@@ -74,6 +75,7 @@ def show(plan: Plan, modules: Mapping[str, str], shader_bytes: int, console: Any
     row("nodes", f"{plan.nodes}, with {plan.shapes} distinct shapes")
     row("operations", f"{plan.operations} per evaluation")
     row("planned for", f"{plan.device.name}: {plan.device.reason}")
+    row("prices", plan.device.measured or f"those of the class {plan.device.name}")
     heading("Passes")
     for chosen in plan.passes:
         row(chosen.name, f"{chosen.textures} texture{'s' * (chosen.textures > 1)}: {chosen.reason}")

@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 
 from raymarch.errors import PlanError
 from raymarch.expr.node import Expr, var
+from raymarch.expr.operations import operations_of
 from raymarch.expr.types import BOOL, FLOAT
 from raymarch.expr.walk import find, rebuild, topological
 from raymarch.plan.groups import groups
 from raymarch.plan.hoisting import NEVER_HOISTED
-from raymarch.prices import OBJECT, STANDARD, Prices
+from raymarch.prices import LISTED, OBJECT, STANDARD, Prices
 from raymarch.scene.scene import all_nodes
 from raymarch.sdf.booleans import Blend, blend_of, union
 from raymarch.sdf.derivation import divisor_of
@@ -96,6 +97,7 @@ class Gatherer:
         self.made = Gathered(root)
         data, prices = self.choice == "data", self.prices
         self.least = 2 if data else prices.fewer_objects if why else prices.objects
+        self.weighed = prices.by_operations and not data and not why
         self.alike = 1 if data else prices.fewer_alike if why else prices.alike
         look_up = f"cells take {prices.nanoseconds(prices.look_up)}, and each small object {prices.nanoseconds(OBJECT)}"
         unlimited = not math.isfinite(self.exact)
@@ -185,15 +187,16 @@ class Gatherer:
                 signature = self.signature(operand)
                 if signature is not None:
                     groups.setdefault(signature[0], []).append(i)
-        groups = {form: members for form, members in groups.items() if len(members) >= self.alike}
+        counts = {form: self._count([operands[i] for i in members]) for form, members in groups.items()}
+        groups = {form: members for form, members in groups.items() if counts[form] >= self.alike}
         if self.blended:
             divisors = {form: self._divisor([operands[i] for i in members]) for form, members in groups.items()}
             same = max(divisors.values(), key=list(divisors.values()).count, default=None)
             groups = {form: members for form, members in groups.items() if divisors[form] == same is not None}
         moving = {form: groups.pop(form) for form in self.live & groups.keys()}
-        if sum(map(len, moving.values())) < self.least:
+        if sum(counts[form] for form in moving) < self.least:
             moving = {}
-        count = sum(map(len, groups.values()))
+        count = sum(counts[form] for form in groups)
         if count + sum(map(len, given)) < self.least or (count < self.least and not given):
             groups = {}
         if not groups and not given and not moving:
@@ -213,6 +216,14 @@ class Gatherer:
         if len(children) == 1:
             return children[0]
         return replaced(node, tuple(children))
+
+    def _count(self, members: Sequence[Node]) -> float:
+        """For how many small objects those of one form count: by their operations, if the prices are of such. Those in
+        the cell of a point are evaluated anyway."""
+        n = len(members)
+        if not self.weighed or n <= LISTED:
+            return n
+        return max(n, (n - LISTED) * operations_of(Lowering().field(members[0])) / OBJECT)
 
     def _labelled(self, node: Node, label: Any) -> Node:
         made = with_label(node, label)

@@ -184,11 +184,11 @@ def objects_of(asked: Asked, all_fixed: bool) -> ObjectPlan:
     fewer = gatherer.gather(scene.node, why="costly")
     costly = _costly(fewer, asked.prices.skip)
     total = sum(operations for _, operations in costly)
-    if total < asked.prices.costly_operations or quality.bounding_volumes:
+    if total < asked.prices.costly_objects or quality.bounding_volumes:
         return ObjectPlan(chosen, fewer if fewer.rows else None)
     prices, n = asked.prices, sum(count for count, _ in costly)
     each = f"{n} of them take {prices.skip:.0f} operations or more, {total:,} together"
-    from_on = f"{prices.costly_operations:,.0f} on they are rows"
+    from_on = f"{prices.costly_objects:,.0f} on they are rows"
     shared = f"each of {len(costly)} forms" if len(costly) > 1 else "all"
     why = f"{each} (from {from_on}); text repeats them, rows share one function for {shared}"
     return ObjectPlan(replace(fewer, reason=why))

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from raymarch.errors import Location, RaymarchError, SceneError, is_users
 from raymarch.gpu.prepare import prepare
-from raymarch.plan.device import SOFTWARE, DeviceClass
+from raymarch.plan.device import SOFTWARE, DeviceClass, as_plain
 from raymarch.plan.live_lights import LightMemory
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
@@ -148,7 +148,7 @@ class Reloader:
         lights = None if first else packed(self._lights)
         if lights is None and not first:
             self._lights = LightMemory()  # as the trial has it
-        known |= {"device": self.device.name, "lights": lights} | (self._first if first else {})
+        known |= {"device": as_plain(self.device), "lights": lights} | (self._first if first else {})
         answer = self._trials.run(str(file), self._params(), self.size, known, self._over)
         if answer is None or self._stopping.is_set():
             return  # a newer change

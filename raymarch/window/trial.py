@@ -30,7 +30,7 @@ from raymarch.files import may_belong, recorded
 from raymarch.gpu.prepare import Prepared, prepare
 from raymarch.gpu.program import Program
 from raymarch.gpu.renderer import Renderer
-from raymarch.plan.device import SOFTWARE, of_name
+from raymarch.plan.device import of_plain
 from raymarch.plan.live_lights import LightMemory
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
@@ -129,7 +129,7 @@ def examine(request: Answer, say: Callable[[Answer], None]) -> None:
             with _limited_memory(), _timed(times, "import"):
                 base = unpacked(request.get("packed"), Scene) or staged(load(scene))
             found, sent = progressive(base), None if request.get("packed") else packed(base)
-            size, device = tuple(request["size"]), of_name(request.get("device", SOFTWARE.name))
+            size, device = tuple(request["size"]), of_plain(request.get("device"))
             with _timed(times, "plan"):
                 lights = unpacked(request.get("lights"), LightMemory) or LightMemory()
                 made = prepare(found, size=size, device=device, live=lights.fit(found, scene, device.prices))

@@ -127,7 +127,7 @@ class Viewer:
         self.window = Window(size, _title(file))
         try:
             self._open(size, panel)
-            device = self.renderer.context.driver.device_class
+            device = self.renderer.resources.device
             ready = prepare(rough or state.progressive, size=size, device=device)
             if rough is None:
                 ready, _ = self._constants.fit(ready)

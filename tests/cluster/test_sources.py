@@ -24,7 +24,7 @@ from raymarch.cluster.machines import Machine, accepted, libraries, package
 from raymarch.cluster.source import PREFIX, of_file, of_scene, without_folder
 from raymarch.cluster.worker import Refused
 from raymarch.export.sequence import Item
-from raymarch.gpu.context import Driver
+from raymarch.gpu.driver import Driver
 from raymarch.plan import plan
 from raymarch.shader import assemble
 from tests.support.commands import files, run

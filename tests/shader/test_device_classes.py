@@ -14,6 +14,7 @@ from raymarch.export.sequence import Contents, Item
 from raymarch.export.stills import Shot
 from raymarch.expr.branches import branched, leaves
 from raymarch.expr.walk import find
+from raymarch.gpu.context import open_context
 from raymarch.gpu.prepare import prepare
 from raymarch.plan.device import FORCED, HARDWARE, SOFTWARE, device_class
 from raymarch.scene import load
@@ -112,7 +113,8 @@ def test_the_hash_of_a_picture_does_not_depend_on_the_class(monkeypatch, tmp_pat
     """A client that draws nothing names the pictures that the GPUs of its workers draw."""
     shot = Shot((16, 9))
     item = Item("frame 0", 0.0, tmp_path / "a.png", shot.size)
-    with rm.Renderer(shot.size) as renderer:
-        monkeypatch.setattr(renderer.context, "driver", replace(renderer.context.driver, is_software=False))
+    with open_context() as context:
+        monkeypatch.setattr(context, "driver", replace(context.driver, is_software=False))
+        renderer = rm.Renderer(shot.size, context=context)
         assert renderer.prepared(SCENE).plan.device is HARDWARE
         assert Contents(SCENE, shot, renderer).of(item) == Contents(SCENE, shot).of(item) is not None
