@@ -17,7 +17,6 @@ import typer
 from rich.console import Console
 
 from raymarch.errors import RaymarchError, SceneError, printable
-from raymarch.prices import SWITCH
 
 
 class Errors(Console):
@@ -61,6 +60,8 @@ Settings = Annotated[
 
 def ignore_measured(ignored: bool) -> bool:
     """For this process and those that it starts."""
+    from raymarch.prices import SWITCH  # the help imports little
+
     if ignored:
         os.environ[SWITCH] = "off"
     return ignored
