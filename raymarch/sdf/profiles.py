@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
-from raymarch.expr.convert import choice, short
+from raymarch.expr.convert import choice, plain, short
 from raymarch.expr.degrees import suspect_degrees
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, expr
@@ -22,11 +22,12 @@ from raymarch.sdf.deform import taper
 from raymarch.sdf.deform import twist as twist_solid
 from raymarch.sdf.domain import Angle, Domain, Length, Positive, Scalar, Word, domain_of
 from raymarch.sdf.facts import Exactness, Facts
-from raymarch.sdf.flat import across, flat_triangle, leftward, polygon, rectangle, regular_polygon
+from raymarch.sdf.flat import across, circle, flat_triangle, leftward, polygon, rectangle, regular_polygon
 from raymarch.sdf.joints import largest_difference
 from raymarch.sdf.node import Node, has_constants, method
 from raymarch.sdf.placing import rotate
 from raymarch.sdf.placing import scale as enlarge
+from raymarch.sdf.rounds import cone
 from raymarch.sdf.solids import box, from_faces, plane
 
 # Extrusion
@@ -101,6 +102,7 @@ def extrude(node: Node, height: Scalar = 1.0, scale: Scalar = 1.0, twist: Scalar
     ----------
     height : full extent along z, > 0.
     scale : factor of the upper end, >= 0.01; the section grows evenly from the lower end, which is the shape itself.
+        0 is a tip, of a circle or a convex polygon of numbers that is not twisted.
     twist : angle in radians by which the upper end is turned from x towards y, evenly from the lower end.
     draft : angle in radians, -1.4 to 1.4, by which the sides lean inwards from the lower end upwards, as the taper of
         CAD programs. Above 0 corners stay sharp; below 0 convex corners of the shape become round cones. Not beside
@@ -116,22 +118,26 @@ def extrude(node: Node, height: Scalar = 1.0, scale: Scalar = 1.0, twist: Scalar
 
     Notes
     -----
-    Exact for an exact shape without scale, twist and draft. With them a bound: see `taper` and `twist`. Draft moves the
-    outline of an exact shape by height * tan(draft) at the upper end; sides that meet below it end there in a ridge.
+    Exact for an exact shape without scale, twist and draft. With them a bound: see `taper` and `twist`; but a circle
+    and a convex polygon of numbers that only grow are a cone and planes. Draft moves the outline of an exact shape by
+    height * tan(draft) at the upper end; sides that meet below it end there in a ridge.
     """
     made = straight_extrusion(node, height)
     lean = domain_of(Draft, None).accept("extrude", "draft", draft)
-    factor = Domain(FLOAT, low=0.01).accept("extrude", "scale", scale)
     angle = domain_of(Angle, None).accept("extrude", "twist", twist)
     suspect_degrees("extrude: twist", twist)
-    grows = not (factor.is_constant and factor.data == 1.0)
     turns = not (angle.is_constant and angle.data == 0.0)
+    pointed = None if turns else _pointed(node, height, scale)
+    factor = Domain(FLOAT, low=0.01 if pointed is None else 0.0).accept("extrude", "scale", scale)
+    grows = not (factor.is_constant and factor.data == 1.0)
     if not (lean.is_constant and lean.data == 0.0):
         if grows or turns:
             raise SceneError("extrude: draft beside scale or twist", legal="one of them; scale=, for sides that meet")
         return drafted_extrusion(node, height, lean)
     if not (grows or turns):
         return made
+    if pointed is not None:
+        return pointed
     middle = 0.5 * (1.0 + factor)
     profile = rotate(node, 0.5 * angle) if turns else node
     profile = enlarge(profile, middle) if grows else profile
@@ -141,6 +147,18 @@ def extrude(node: Node, height: Scalar = 1.0, scale: Scalar = 1.0, twist: Scalar
     if grows:
         upright = taper(upright, (factor - 1.0) / (height * middle))
     return rotate(upright, 0.5 * math.pi, "x")
+
+
+def _pointed(node: Node, height: Any, scale: Any) -> Node | None:
+    """A circle or a convex polygon whose upper end is scaled, if all are numbers: a cone, or planes; else None."""
+    tall, end = plain(height), plain(scale)
+    if any(isinstance(v, bool) or not isinstance(v, int | float) or not 0.0 <= v < np.inf for v in (tall, end)):
+        return None
+    if node.definition is definition_of(circle) and has_constants(node):
+        radius = float(expr(node.params["radius"]).data)
+        return rotate(cone(radius, tall, end * radius), 0.5 * math.pi, "x")
+    corners = _convex_corners(node)
+    return None if corners is None else _frustum(corners, end * corners, tall)
 
 
 Easing: TypeAlias = Callable[[Expr], Expr]

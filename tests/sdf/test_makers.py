@@ -30,6 +30,19 @@ def test_sections_of_an_extrusion_grow_and_turn_evenly(profile: rm.Node, scale: 
     assert np.all(abs(solid.distance(two) - values) <= np.linalg.norm(two - POINTS, axis=1) * (1 + 1e-9))
 
 
+@pytest.mark.parametrize("scale", [0, 0.01, 0.5, 2])
+@pytest.mark.parametrize(
+    "profile", [rm.rectangle((2, 1)), rm.circle(0.9), rm.regular_polygon(5), rm.polygon([(0.2, 0), (1.5, 0), (1, 1)])]
+)
+def test_convex_sections_end_in_a_tip_without_steep_fields(profile: rm.Node, scale: float) -> None:
+    """A tip of 0.01 made the field 3,000 times smaller everywhere, and 0 was refused."""
+    solid = profile.extrude(2, scale=scale)
+    size = 1 + (scale - 1) * np.clip(Z / 2 + 0.5, 0, 1)
+    sections = profile.distance(np.stack([X, Y], axis=1) / np.maximum(size, 1e-12)[:, None])
+    assert np.array_equal(solid.distance(POINTS) < 0, (sections < 0) & (abs(Z) < 1))
+    assert solid.facts.undivided == 1 and np.allclose(solid.bounds[0][2], -1) and np.allclose(solid.bounds[1][2], 1)
+
+
 @pytest.mark.parametrize("angle", [0.5, np.pi / 2, np.pi, 4.0, 2 * np.pi])
 def test_a_part_of_a_revolution(angle: float) -> None:
     solid = rm.rectangle((0.6, 1)).revolve(1, angle)
@@ -91,7 +104,9 @@ def test_many_wide_copies_around_an_axis() -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: rm.circle().extrude(1, scale=0), "scale = 0"),
+        (lambda: rm.star().extrude(1, scale=0), "scale = 0"),
+        (lambda: rm.circle().extrude(1, scale=0, twist=1), "scale = 0"),
+        (lambda: rm.circle().extrude(1, scale=-1), "scale = -1"),
         (lambda: rm.circle().extrude(1, scale=(1, 2)), "extrude: scale"),
         (lambda: rm.circle().revolve(0, 90), "> 0 and <= 6.28319"),
         (lambda: rm.circle().revolve(0, 0), "> 0 and <= 6.28319"),
