@@ -145,7 +145,12 @@ def _materials(scene: Scene) -> Iterator[Doubt]:
             "ior": (material.transmits, "transmission"),
             "absorption": (material.transmits, "transmission"),
             "clearcoat_roughness": (material.coated, "clearcoat"),
+            "subsurface_radius": (material.scatters, "subsurface"),
+            "subsurface_color": (material.scatters, "subsurface"),
         }
+        if material.scatters and not scene.path_traced:
+            cure = "Scene(bounces=2) with Quality(integrator='path') scatters light below the surface"
+            yield _doubt("Material(subsurface=...) is diffuse reflection without path-traced light", cure, material)
         for option, (used, other) in needed.items():
             if given[option] is not None and not used:
                 yield _doubt(f"Material({option}=...) has no effect without {other}", of=material)

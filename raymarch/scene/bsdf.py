@@ -245,7 +245,7 @@ class Microfacets(BSDF):
         roughness = values["roughness"]
         n_dot_l, n_dot_v = dot(normal, light), max(dot(normal, view), LEAST_COSINE)
         specular = self.specular(normal, view, light, roughness, base_reflectance(values))
-        transmittance = interface_transmittance(n_dot_l, n_dot_v, roughness) * (1.0 - values["metalness"])
+        transmittance = interface_transmittance(n_dot_l, n_dot_v, roughness) * _dielectric(values)
         result = specular + transmittance * (1.0 - values["f0"]) * values["color"]
         if self.compensated:  # a wide, reciprocal lobe
             lobe = self.missing(n_dot_l, roughness) / self.mean_missing(roughness)
@@ -278,7 +278,7 @@ class Microfacets(BSDF):
     def _chance(self, values: Values, n_dot_v: Expr) -> tuple[Expr, Expr]:
         """The probability of the specular part, and the colour of the diffuse part."""
         metalness, third = values["metalness"], vec3(1.0 / 3.0)
-        diffuse = (1.0 - metalness) * (1.0 - values["f0"]) * values["color"]
+        diffuse = _dielectric(values) * (1.0 - values["f0"]) * values["color"]
         specular = dot(fresnel_schlick(base_reflectance(values), n_dot_v), third)
         rest = (1.0 - albedo_f90(n_dot_v, values["roughness"])) * dot(diffuse, third)
         # The offsets avoid a division by 0 for black; the clamp samples both parts.
@@ -310,7 +310,13 @@ class Microfacets(BSDF):
 
     def diffuse_albedo(self, values: Values, n_dot_v: Expr) -> Expr:
         _, bias = self.directional_albedo(n_dot_v, values["roughness"])
-        return (1.0 - bias) * (1.0 - values["f0"]) * (1.0 - values["metalness"]) * values["color"]
+        return (1.0 - bias) * (1.0 - values["f0"]) * _dielectric(values) * values["color"]
+
+
+def _dielectric(values: Values) -> Expr:
+    """The weight of the diffuse part. "matte" : 0 where it is left out, as matter below the surface takes its place."""
+    dielectric = 1.0 - values["metalness"]
+    return values["matte"] * dielectric if "matte" in values else dielectric
 
 
 def base_reflectance(values: Values) -> Expr:

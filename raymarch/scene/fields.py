@@ -15,7 +15,7 @@ from raymarch.expr.types import Type, vector
 class Field:
     """A value of materials.
 
-    name : as BSDFs read it. groups : what reads it: "phong", "physical", "glass", "coat" or "relief".
+    name : as BSDFs read it. groups : what reads it: "phong", "physical", "glass", "coat", "subsurface" or "relief".
     default : of the argument; a number, or three for a vec3. low, high : range of each component.
     argument : the argument of `Material` that gives it; empty if the others do.
     """
@@ -61,12 +61,17 @@ ALL = (
     Field("absorption", ("glass",), (0.0, 0.0, 0.0), 0.0, 1e6),
     Field("clearcoat", ("coat",), 0.0),
     Field("clearcoat_roughness", ("coat",), 0.0),
+    Field("subsurface", ("subsurface",), 0.0),
+    Field("subsurface_radius", ("subsurface",), (0.1, 0.1, 0.1), 0.0, 1e6),
+    Field("subsurface_color", ("subsurface",), GREY),
+    Field("exits", ("subsurface",), 0.0, argument=""),
     Field("bump_gradient", ("relief",), (0.0, 0.0, 0.0), -np.inf, np.inf, ""),
     Field("ambient_visibility", ("relief",), 1.0, argument="occlusion"),
     Field("own", (), 0.0, argument=""),
 )
 """All values. "physical" and "own" are 1 for a material that is physical, or has a BSDF of the user's own. The gradient
-"bump_gradient" perturbs the normal, and "ambient_visibility" is that of ambient light, 0 to 1."""
+"bump_gradient" perturbs the normal, and "ambient_visibility" is that of ambient light, 0 to 1. Paths set
+"exits" to 1 where light leaves matter that scattered it, and to -1 where matter replaces diffuse reflection."""
 
 FIELDS = tuple(field.name for field in ALL)
 """Their names."""
@@ -77,7 +82,9 @@ def group(name: str) -> tuple[str, ...]:
     return tuple(field.name for field in ALL if name in field.groups)
 
 
-PHONG, PHYSICAL, GLASS, COAT, RELIEF = map(group, ("phong", "physical", "glass", "coat", "relief"))
+PHONG, PHYSICAL, GLASS, COAT, SUBSURFACE, RELIEF = map(
+    group, ("phong", "physical", "glass", "coat", "subsurface", "relief")
+)
 
 ARGUMENTS: Mapping[str, Field] = {field.given: field for field in ALL if field.given}
 """The values by the argument of `Material` that gives them."""

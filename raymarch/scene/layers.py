@@ -61,7 +61,8 @@ class Coated(BSDF):
     def layers(self) -> tuple[BSDF, ...]:
         return (self, *self.base.layers)
 
-    def _transmittance(self, values: Values, cosine: Expr) -> Expr:
+    def transmittance(self, values: Values, cosine: Expr) -> Expr:
+        """The fraction of light in a direction that passes the coat."""
         scale, bias = self.base.directional_albedo(cosine, values["clearcoat_roughness"])
         return 1.0 - values["clearcoat"] * (COAT_F0 * scale + bias)
 
@@ -77,13 +78,13 @@ class Coated(BSDF):
 
     def eval(self, values: Values, normal: Expr, view: Expr, light: Expr) -> Expr:
         n_dot_l, n_dot_v = dot(normal, light), max(dot(normal, view), LEAST_COSINE)
-        transmittance = self._transmittance(values, n_dot_l) * self._transmittance(values, n_dot_v)
+        transmittance = self.transmittance(values, n_dot_l) * self.transmittance(values, n_dot_v)
         coat = self.base.specular(normal, view, light, values["clearcoat_roughness"], vec3(COAT_F0))
         return transmittance * self.base.eval(values, normal, view, light) + n_dot_l * values["clearcoat"] * coat
 
     def _chance(self, values: Values, n_dot_v: Expr) -> Expr:
         """The probability of the coat: its albedo over the sum with the colour of the base."""
-        albedo = 1.0 - self._transmittance(values, n_dot_v)
+        albedo = 1.0 - self.transmittance(values, n_dot_v)
         base = (1.0 - albedo) * (dot(values["color"], vec3(1.0 / 3.0)) + COAT_F0)
         return where(albedo > 0.0, clamp(albedo / (albedo + base), 0.05, 0.95), 0.0)
 
@@ -93,7 +94,7 @@ class Coated(BSDF):
         coat = self.base.reflection(normal, view, vec3(COAT_F0), roughness, random.direction)
         below = self.base.sample(values, normal, view, random)
         n_dot_l = max(dot(normal, get(below, "direction")), LEAST_COSINE)
-        passed = self._transmittance(values, n_dot_l) * self._transmittance(values, n_dot_v)
+        passed = self.transmittance(values, n_dot_l) * self.transmittance(values, n_dot_v)
         # The probability of the base is at least 0.05 where it is sampled.
         rest = scaled(below, passed / max(1.0 - chance, 0.05))
         return where(random.coat < chance, scaled(coat, values["clearcoat"] / max(chance, 0.05)), rest)
@@ -105,7 +106,7 @@ class Coated(BSDF):
 
     def lobes(self, values: Values, n_dot_v: Expr) -> list[Lobe]:
         roughness, weight = values["clearcoat_roughness"], values["clearcoat"]
-        view, mean = self._transmittance(values, n_dot_v), self._mean_transmittance(values)
+        view, mean = self.transmittance(values, n_dot_v), self._mean_transmittance(values)
         mirror = min(weight * fresnel_schlick(vec3(COAT_F0), n_dot_v), vec3(1.0 - view))
         coat = Lobe(roughness, vec3(1.0 - view), mirror)
         below = [
@@ -115,7 +116,7 @@ class Coated(BSDF):
         return [*below, coat]
 
     def diffuse_albedo(self, values: Values, n_dot_v: Expr) -> Expr:
-        passed = self._transmittance(values, n_dot_v) * self._mean_transmittance(values)
+        passed = self.transmittance(values, n_dot_v) * self._mean_transmittance(values)
         return passed * self.base.diffuse_albedo(values, n_dot_v)
 
 

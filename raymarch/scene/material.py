@@ -77,6 +77,12 @@ class Material(Value):
     clearcoat : physical. Weight of a clear coat over the surface, as varnish on wood, in [0, 1]. Default 0, which costs
         nothing. The coat has an index of refraction of 1.5. The emission is not under it.
     clearcoat_roughness : physical. Roughness of the coat, from 0 (a mirror) to 1. Default 0.
+    subsurface : physical. Weight of light that is scattered in the solid and leaves it elsewhere, as in skin, wax,
+        marble and milk, in place of diffuse reflection, in [0, 1]. Default 0, which costs nothing. It needs the
+        `bounces` of the scene and the path integrator; else it is diffuse reflection, its limit for small radii.
+    subsurface_radius : physical. Mean free path in the solid of red, green and blue light, lengths >= 0, or one for
+        all. Default 0.1. Light of the longest one goes farthest: skin is about (1, 0.35, 0.2) of some millimetres.
+    subsurface_color : physical. The colour of a thick solid in even light, linear RGB in [0, 1]. Default `color`.
     normal : a normal map, made by `planar(...)` or `triplanar(...)`. None for no map.
     normal_strength : factor of the slopes of the normal map, in [0, 100].
     height : a height map, or a function of the point that gives heights. The normal is perturbed as if the surface were
@@ -104,7 +110,8 @@ class Material(Value):
     Smith masking (Heitz 2014), Schlick's Fresnel term (1994), and a diffuse term for the light that passes through the
     microfacets twice (Kelemen and Szirmay-Kalos 2001). So a white surface conserves energy, also at grazing angles.
     Metals include multiple scattering between microfacets (Kulla and Conty 2017). `clearcoat` and `clearcoat_roughness`
-    are those of glTF's KHR_materials_clearcoat, with energy-conserving layers; see `raymarch/scene/layers.py`.
+    are those of glTF's KHR_materials_clearcoat, with energy-conserving layers; see `raymarch/scene/layers.py`. The
+    `subsurface` parameters are those of OpenPBR (2024) for isotropic scattering; see `raymarch/scene/subsurface.py`.
 
     Examples
     --------
@@ -127,6 +134,9 @@ class Material(Value):
     absorption: Expr
     clearcoat: Expr
     clearcoat_roughness: Expr
+    subsurface: Expr
+    subsurface_radius: Expr
+    subsurface_color: Expr
     occlusion: Expr
     normal: Texture | None
     normal_strength: Scalar
@@ -155,6 +165,9 @@ class Material(Value):
         absorption: ColorOrTexture | None = None,
         clearcoat: FloatOrTexture | None = None,
         clearcoat_roughness: FloatOrTexture | None = None,
+        subsurface: FloatOrTexture | None = None,
+        subsurface_radius: ColorOrTexture | None = None,
+        subsurface_color: ColorOrTexture | None = None,
         normal: Texture | None = None,
         normal_strength: Scalar = 1.0,
         height: Texture | Callable[[Expr], Operand] | Expr | None = None,
@@ -167,13 +180,10 @@ class Material(Value):
         phong = {"shininess": shininess, "specular": specular, "ambient": ambient}
         physical = {"albedo": albedo, "metalness": metalness, "roughness": roughness, "f0": f0}
         physical |= {"transmission": transmission, "ior": ior, "absorption": absorption}
-        physical |= {"clearcoat": clearcoat, "clearcoat_roughness": clearcoat_roughness}
+        physical |= {"clearcoat": clearcoat, "clearcoat_roughness": clearcoat_roughness, "subsurface": subsurface}
+        physical |= {"subsurface_radius": subsurface_radius, "subsurface_color": subsurface_color}
         phong, physical = _without_unset(phong), _without_unset(physical)
-        if bsdf is not None:
-            # here for the time of a start: most scenes have no class of their own
-            from raymarch.scene.bsdf import check_bsdf
-
-            check_bsdf(bsdf)
+        _check_own(bsdf)
         is_physical = bsdf is not None or any(v is not None for v in physical.values())
         _refuse_both(phong, {**physical, "bsdf": bsdf})
         if color is not None and albedo is not None:
@@ -182,12 +192,10 @@ class Material(Value):
         base = color if albedo is None else albedo
         maps = {name: base, **physical, "emission": emission, "normal": normal, "height": height}
         check_map_sizes({**maps, "occlusion": occlusion})
-        if isinstance(absorption, str):  # the colour that is removed would be its complement
-            legal = "a coefficient per unit of length; -numpy.log((0.9, 0.2, 0.2)) leaves red light after one unit"
-            raise SceneError(f"Material: absorption = {short(absorption)}", legal=legal)
+        _refuse_colors(absorption, subsurface_radius)
         raised = height_field(height)
         given = {**phong, **physical, "emission": emission, "occlusion": occlusion}
-        given |= {"f0": _spread(physical["f0"]), "absorption": _spread(physical["absorption"])}
+        given |= {n: _spread(physical[n]) for n in ("f0", "absorption", "subsurface_radius")}
         unset = {n: field.default for n, field in _VALUES.items() if given[n] is None}
         if is_physical:
             unset |= {"specular": 0.0, "ambient": 0.0}
@@ -201,12 +209,15 @@ class Material(Value):
         made["color"] = material_value(name, GREY if base is None else base, 3, 0.0, 1.0)
         if is_physical and physical["roughness"] is None:  # glass is smooth by default, other materials are not
             made["roughness"] = expr(0.5 if is_zero(made["transmission"]) else 0.0)
+        if physical["subsurface"] is not None and physical["subsurface_color"] is None:
+            made["subsurface_color"] = made["color"]
         relief = {"normal": normal, "height": raised, "normal_strength": normal_strength, "height_scale": height_scale}
         others = {**relief, "bsdf": bsdf}
         fields = {
             **made,
             "physical": expr(1.0 if is_physical else 0.0),
             "own": expr(0.0 if bsdf is None else 1.0),
+            "exits": expr(0.0),
             "bump_gradient": bump_gradient(normal, normal_strength, raised, height_scale),
             "ambient_visibility": made["occlusion"],
         }
@@ -291,6 +302,11 @@ class Material(Value):
     def coated(self) -> bool:
         """True if the weight of the clear coat may be above 0 somewhere."""
         return not is_zero(self.clearcoat)
+
+    @once
+    def scatters(self) -> bool:
+        """True if the weight of subsurface scattering may be above 0 somewhere."""
+        return not is_zero(self.subsurface)
 
     @once
     def frosted(self) -> bool:
@@ -411,6 +427,24 @@ def _unset(name: str, value: Any) -> Expr:
     """The expression of a value that is not given. A scene may have thousands of materials."""
     of = _VALUES[name]
     return material_value(name, value, of.size, of.low, of.high)
+
+
+def _check_own(bsdf: Any) -> None:
+    if bsdf is not None:
+        # here for the time of a start: most scenes have no class of their own
+        from raymarch.scene.bsdf import check_bsdf
+
+        check_bsdf(bsdf)
+
+
+def _refuse_colors(absorption: Any, radius: Any) -> None:
+    """SceneError for the name of a colour in place of lengths or coefficients: what is meant would be a guess."""
+    if isinstance(absorption, str):  # the colour that is removed would be its complement
+        legal = "a coefficient per unit of length; -numpy.log((0.9, 0.2, 0.2)) leaves red light after one unit"
+        raise SceneError(f"Material: absorption = {short(absorption)}", legal=legal)
+    if isinstance(radius, str):
+        legal = "a length for each of red, green and blue, such as (0.1, 0.04, 0.02)"
+        raise SceneError(f"Material: subsurface_radius = {short(radius)}", legal=legal)
 
 
 def _refuse_both(phong: dict[str, Any], physical: dict[str, Any]) -> None:

@@ -29,6 +29,7 @@ from raymarch.scene.reflectance import (
     reflect,
     sample_visible_normal,
 )
+from raymarch.scene.subsurface import Scattered
 
 
 def sample_lobes(bsdf: BSDF, values: Values, normal: Expr, view: Expr, u: Expr, choice: Expr) -> Expr:
@@ -85,7 +86,8 @@ def bsdf_of(materials: Sequence[Material], quality: Quality) -> BSDF:
     settings = quality.masking, quality.energy_compensation and any(m.metallic for m in materials)
     kinds = {"phong" if not m.physical else m.bsdf or "physical" for m in materials}
     base = Microfacets(*settings)
-    physical = Coated(base) if any(m.coated for m in materials) else base
+    clear: Microfacets | Coated = Coated(base) if any(m.coated for m in materials) else base
+    physical: BSDF = Scattered(clear) if any(m.scatters for m in materials) else clear
     own = list(dict.fromkeys(m.bsdf for m in materials if m.bsdf is not None))
     if len(own) > 1:
         where_ = next(m.where for m in materials if m.bsdf is own[1])

@@ -16,6 +16,7 @@ from raymarch.plan import Plan
 from raymarch.plan.lights import visible
 from raymarch.scene.fields import SMOOTH
 from raymarch.scene.reflectance import fresnel_dielectric, sample_rough_dielectric
+from raymarch.scene.subsurface import scattering_albedo
 from raymarch.shader.bsdf import Reflection
 from raymarch.shader.chunk import Lines, Values
 from raymarch.shader.fog import begin_shade, end_shade
@@ -37,6 +38,8 @@ def path_tracing(text: Lines, plan: Plan, values: Values, reflection: Reflection
     frosted = any(material.frosted for material in scene.materials)
     if glass:
         values.functions.append(sample_rough_dielectric if frosted else fresnel_dielectric)
+    if reflection.scattered is not None:
+        values.functions.append(scattering_albedo)
     inner = "    " * glass
     rough = [f"        regularized.material.{n} = max(surface.material.{n}, min_roughness);" for n in plan.bsdf.rough]
     metal, wide = plan.bsdf.metal, [f"surface.material.{name}" for name in plan.bsdf.rough[:1]]
@@ -47,7 +50,15 @@ def path_tracing(text: Lines, plan: Plan, values: Values, reflection: Reflection
     begin_shade(text, plan, values, bounces=True)
     text.template(
         "path",
-        {"SHINES": shines, "GLASS": glass, "FROSTED": frosted, "EMITS": plan.emission is not None, "SHOWS": shows},
+        {
+            "SHINES": shines,
+            "GLASS": glass,
+            "FROSTED": frosted,
+            "EMITS": plan.emission is not None,
+            "SHOWS": shows,
+            "SUBSURFACE": reflection.scattered is not None,
+        },
+        entry=reflection.entry() if reflection.scattered is not None else "",
         bounces=scene.bounces,
         sky=scene.sky.lighting_function(None).name,
         surface=surface_interaction_call(plan, "ray", "travelled"),

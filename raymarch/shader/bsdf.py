@@ -9,11 +9,13 @@ from raymarch.expr.node import Expr, const, construct, var
 from raymarch.expr.operations import operations
 from raymarch.expr.types import FLOAT, VEC2, VEC3, Type, struct, vector
 from raymarch.expr.vocabulary import clamp, dot, get, record, vec3, where
+from raymarch.expr.vocabulary import max as maximum
 from raymarch.expr.walk import free_variables
 from raymarch.plan import Plan
 from raymarch.scene.bsdf import over_dielectric
 from raymarch.scene.light import LIGHT
-from raymarch.scene.reflectance import RANDOM
+from raymarch.scene.reflectance import LEAST_COSINE, RANDOM
+from raymarch.scene.subsurface import Scattered
 from raymarch.scene.surfaces import pdf_lobes, sample_lobes
 from raymarch.shader.chunk import Values
 
@@ -44,6 +46,7 @@ class Reflection:
     def __init__(self, plan: Plan, values: Values) -> None:
         self.bsdf, self.values, self.material = plan.bsdf, values, material_of(plan)
         self.surface = struct("Surface", (("normal", VEC3), ("view", VEC3), ("material", self.material)))
+        self.scattered = next((layer for layer in self.bsdf.layers if isinstance(layer, Scattered)), None)
         self.outside = plan.glass is not None and plan.model == "mixed" and bool(plan.scene.lights)
         surface = {"surface": var("surface", self.surface)}
         self.prepared: dict[str, Type] = {}
@@ -166,6 +169,18 @@ class Reflection:
 
         given = {"material": (self.material, "surface.material"), "glass": (GLASS, "glass"), "share": (FLOAT, share)}
         return self._call("as_dielectric", given, made)
+
+    def entry(self) -> str:
+        """The fraction of the light of the view that enters matter that scatters it; reads the variable `below`."""
+        scattered = self.scattered
+        assert scattered is not None
+
+        def made(symbols: Mapping[str, Expr]) -> Expr:
+            surface = symbols["below"]
+            n_dot_v = maximum(dot(get(surface, "normal"), get(surface, "view")), LEAST_COSINE)
+            return scattered.entry(self._values(get(surface, "material")), n_dot_v)
+
+        return self._call("subsurface_entry", {"below": (self.surface, "below")}, made)
 
     # Functions
 

@@ -24,6 +24,12 @@ $visible
         Glass glass = glass_at($material);
         bool enters = side < 0.0 || random_of_pixel(dimension + 3) < glass.transmission;
 #endif
+#ifdef SUBSURFACE
+        Surface below = surface;
+        bool scatters = random_of_pixel(60000 + 2 * bounce) < surface.material.subsurface;
+        surface.material.subsurface = 0.0;  // the part without it
+        if (scatters) surface.material.exits = -1.0;
+#endif
 #ifdef SHINES
         Surface regularized = surface;
 $regularized
@@ -75,6 +81,34 @@ $regularized
         } else {
 #else
         color += weight * direct_light($shaded);
+#endif
+#ifdef SUBSURFACE
+        if (scatters) {
+            vec3 entry = $entry;
+            float chance = clamp(max(max(entry.r, entry.g), entry.b), 0.05, 0.95);
+            if (random_of_pixel(60001 + 2 * bounce) < chance) {
+                weight *= entry / chance;
+                vec3 tint = below.material.subsurface_color;
+                Walk walk = Walk(tint, scattering_albedo(tint), below.material.subsurface_radius, weight);
+                int numbers = 65536 + 2048 * bounce;
+                if (!walk_below(walk, surface.p, $solid, travelled, numbers, ray, hit)) break;
+                weight = walk.weight;
+                surface = $surface;
+                surface.t = travelled;
+                surface.material.exits = 1.0;
+#ifdef GLASS
+#ifdef SHINES
+                color += weight * direct_light(surface, glass, 0.0);
+#else
+                color += weight * direct_light(surface);
+#endif
+#else
+                color += weight * direct_light(surface);
+#endif
+            } else {
+                weight /= 1.0 - chance;
+            }
+        }
 #endif
 $inner        if (bounce == $bounces) break;
 $sample

@@ -65,7 +65,7 @@ def test_the_lobes_of_a_clear_coat_are_mitsubas(mitsuba: Any, roughness: float, 
         to, eye = slanted(*light), slanted(*view)
         half = (to + eye) / np.linalg.norm(to + eye)
         base, over = (_rough_conductor(mitsuba, alpha**2, eye, to) for alpha in (roughness, coat))
-        passed = [float(evaluator([bsdf._transmittance(given, expr(c))], [])()[0]) for c in (to[2], eye[2])]
+        passed = [float(evaluator([bsdf.transmittance(given, expr(c))], [])()[0]) for c in (to[2], eye[2])]
         known = passed[0] * passed[1] * base + 0.7 * (0.04 + 0.96 * (1 - half @ eye) ** 5) * over
         found = evaluated(None, bsdf, given, to[None], eye[None])[0] / np.pi
         np.testing.assert_allclose(found, known, rtol=1e-5)
@@ -102,3 +102,42 @@ def test_light_that_a_medium_scatters_once_is_mitsubas(case: media.Case, mitsuba
         right = media.compared(renderer.render(media.ours(case)), batches)
         wrong = media.compared(renderer.render(media.ours(replace(case, g=case.g + 0.1))), batches)
     assert abs(right.mean) <= 0.01 and abs(wrong.mean) > 0.02, (right, wrong)
+
+
+@pytest.mark.parametrize("radius", [0.3, (0.3, 0.15, 0.1)])
+def test_light_that_walks_in_a_ball_is_mitsubas(radius: Any, mitsuba: Any, egl: Context) -> None:
+    """What leaves a ball of matter in a white sky, of the index of refraction of the air. All directions are equally
+    bright there, so it does not matter how light enters and leaves. Other matter is told from it."""
+    colors = np.array([0.3, 0.8, 0.95])
+    s = 4.09712 + 4.20863 * colors - np.sqrt(9.59217 + 41.6808 * colors + 17.7126 * colors**2)
+    paths = np.broadcast_to(np.asarray(radius, np.float64), 3)
+    matter = {
+        "type": "homogeneous",
+        "sigma_t": {"type": "rgb", "value": (0.01 / paths).tolist()},
+        "scale": 100.0,
+        "albedo": {"type": "rgb", "value": (1 - s * s).tolist()},
+    }
+    film = {"type": "hdrfilm", "width": 24, "height": 24, "rfilter": {"type": "box"}}
+    camera = mitsuba.ScalarTransform4f().look_at([0, 0, 5], [0, 0, 0], [0, 1, 0])
+    scene = {
+        "type": "scene",
+        "integrator": {"type": "volpathmis", "max_depth": 2000, "rr_depth": 50},
+        "sensor": {"type": "orthographic", "to_world": camera, "film": film, "sampler": {"type": "independent"}},
+        "sky": {"type": "constant", "radiance": 1.0},
+        "ball": {"type": "sphere", "skin": {"type": "null"}, "interior": matter},
+    }
+    known = np.asarray(mitsuba.render(mitsuba.load_dict(scene), spp=256)).mean(axis=(0, 1))
+    known = (known - (1 - np.pi / 4)) / (np.pi / 4)
+
+    def found(color: Any, radius: Any = radius) -> Any:
+        given = {"roughness": 1.0, "f0": 0.0, "subsurface": 1.0, "subsurface_radius": radius, "subsurface_color": color}
+        camera = rm.Camera((0, 0, 60), (0, 0, 0), fov=1.8)
+        sky, quality = rm.Sky((1, 1, 1), light=True), rm.Quality(samples=64)
+        ball = rm.sphere(1).material(rm.Material(**given))
+        frame = renderer.render(rm.Scene(ball, camera, [], sky, bounces=1, quality=quality))
+        return frame.color[np.isfinite(frame.depth)].mean(axis=0)
+
+    with rm.Renderer((24, 24), context=egl) as renderer:
+        own = found((0, 0, 0), 1e-7)  # of the surface itself
+        np.testing.assert_allclose((found(tuple(colors)) - own) / (1 - own), known, atol=0.016)
+        assert abs((found(tuple(colors - 0.05)) - own) / (1 - own) - known)[0] > 0.03
