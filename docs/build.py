@@ -45,7 +45,7 @@ VIEW = np.array([0.55, 0.5, 1.0])
 """Direction from a node to the camera."""
 
 SECTIONS = {
-    "Solids": ("solids", "boxes", "rounds", "ball_parts", "polyhedra"),
+    "Solids": ("solids", "boxes", "rounds", "ball_parts", "polyhedra", "rounded_hulls"),
     "Flat shapes": ("flat", "flat_curves", "outlines", "lettering"),
     "Solids from flat shapes": ("profiles",),
     "Curves": ("curves",),

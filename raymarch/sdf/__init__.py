@@ -39,6 +39,7 @@ from raymarch.sdf.polyhedra import *
 from raymarch.sdf.profiles import extrude, extrude_to, revolve, slice
 from raymarch.sdf.raw import *
 from raymarch.sdf.repetition import repeat
+from raymarch.sdf.rounded_hulls import *
 from raymarch.sdf.rounds import *
 from raymarch.sdf.sampled import *
 from raymarch.sdf.sketches import *

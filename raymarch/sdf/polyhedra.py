@@ -160,11 +160,17 @@ class Solid:
         return where(r.x > 0.0, length(max(r, 0.0)), r.x)
 
 
+SOLIDS: dict[str, Solid] = {}
+"""The polyhedra, by name."""
+
+
 def polyhedron(mirrors: Mirrors, *ringed: int) -> Callable[[Callable[[Expr, Scalar], None]], Callable[..., Node]]:
     """Decorator: a name with the first line of its docstring becomes the shape of `Solid(mirrors, ringed)`."""
     solid = Solid(mirrors, ringed)
 
     def decorate(named: Callable[[Expr, Scalar], None]) -> Callable[..., Node]:
+        SOLIDS[named.__name__] = solid
+
         @wraps(named)
         def field(p: Expr, radius: Scalar) -> Expr:
             return solid.distance(p, radius)

@@ -41,8 +41,7 @@ def test_hulls_of_known_shapes() -> None:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: rm.hull([rm.sphere(), rm.box()]), "corners of the solids"),
-        (lambda: rm.hull(rm.sphere()), "rm.capsule"),
+        (lambda: rm.hull([rm.sphere(), rm.torus()]), "rm.hull(points)"),
         (lambda: rm.hull([(0, 0), (1, 1), (2, 2)]), "one line"),
         (lambda: rm.hull([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)]), "one plane"),
         (lambda: rm.hull([(0, 0, 0), (1, 0, 0), (0, 1, 0)]), "3 different points"),
