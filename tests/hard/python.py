@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 import raymarch as rm
+from raymarch.expr.function import Function
 from raymarch.expr.node import Expr
 from tests.support.node_samples import definitions
 
@@ -34,4 +35,6 @@ def _value(value: Any) -> str | None:
     """None for data, which the definition's default stands for."""
     if isinstance(value, Expr):
         return repr(np.asarray(value.data).tolist()) if value.is_constant else f"<{value!r}>"
+    if isinstance(value, Function):
+        return f"<{value!r} {value.body!r}>"
     return repr(value) if isinstance(value, int | float | str | tuple) else None

@@ -9,6 +9,8 @@ import numpy as np
 from hypothesis import strategies as st
 
 from raymarch.errors import SceneError
+from raymarch.expr.node import Expr
+from raymarch.expr.vocabulary import sin
 from raymarch.scene import Material
 from raymarch.sdf import Node, repeat, sphere, transform
 from tests.support.node_samples import SPECIAL, Field, definitions, parameters
@@ -19,9 +21,24 @@ OWN: dict[str, Callable[[Node, np.random.Generator], Node]] = {
         node, node.facts.size * random.uniform(1.0, 1.6, 3) + 1e-3, tuple(int(n) for n in random.integers(1, 5, 3))
     ),
     "labelled": lambda node, random: node.material(Material()),
+    "warped": lambda node, random: node.warp(_waves(random)),
+    "displaced": lambda node, random: _displaced(node, _waves(random)),
     "sheared": lambda node, random: node.shear(random.uniform(-1.0, 1.0), *random.permutation(list("xyz"))[:2]),
 }
 """How operators with a line in SPECIAL, or whose vectors must fit each other, are applied to any node."""
+
+
+def _waves(random: np.random.Generator) -> Callable[[Expr], Expr]:
+    """A vec3 of waves, which change by at most 0.9 a unit of length, or of a polynomial that has no limit."""
+    size, phase, along = random.uniform(0.02, 0.2), random.uniform(-3, 3), "".join(random.choice(list("xyz"), 3))
+    if random.random() < 0.3:
+        return lambda p: size * (getattr(p, along) * p.yzx + 0.5 * p)
+    frequency = random.uniform(0.3, 0.9) / size / 3.0**0.5
+    return lambda p: size * sin(frequency * getattr(p, along) + phase)
+
+
+def _displaced(node: Node, waves: Callable[[Expr], Expr]) -> Node:
+    return node.displace_by(lambda p: waves(p).x)
 
 
 def _affine(random: np.random.Generator) -> np.ndarray:
