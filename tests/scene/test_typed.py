@@ -103,7 +103,7 @@ rm.sphere(r=2) | 'radius'
 rm.cylinder(2, .5).rotate([90, 0, 0]) | rotate(0.5, "y")
 rm.translate((1, 0, 0)) | node.translate
 rm.rotate(.4, "y") | node.rotate
-rm.hull([rm.sphere(), rm.box(1)]) | the corners of the solids
+rm.hull([rm.sphere(), rm.torus()]) | two balls
 rm.minkowski(rm.sphere(), rm.box(1)) | offset
 rm.linear_extrude(2) | extrude
 rm.rotate_extrude() | revolve

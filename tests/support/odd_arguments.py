@@ -150,7 +150,7 @@ class Call:
 
     def odd(self) -> list[str]:
         """The parameters that may be given something odd. Errors of a function that is called back are its own."""
-        return [name for name in self.given if (self.name, name) != ("triangulate", "progress")]
+        return [name for name in self.given if (self.name, name) not in (("triangulate", "progress"), ("hull", "*"))]
 
     def __call__(self, **changes: Any) -> Any:
         given = {**self.given, **changes}
@@ -160,7 +160,7 @@ class Call:
 
 NEEDED: dict[str, dict[str, Any]] = {
     "Scene": {"node": rm.box(1)},
-    "hull": {"points": [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]},
+    "hull": {"points": [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], "*": ()},
     "Medium": {"density": 1.0, "bounds": ((-1, -1, -1), (1, 1, 1))},
     "DirectionSample": {"direction": (0, 1, 0), "distance": 1.0, "radiance": (1, 1, 1)},
     "Light": {"color": (1, 1, 1), "intensity": 1.0, "shadow": False, "softness": 0.0, "penumbra": "cone"},

@@ -26,7 +26,7 @@ struct Walk {
 // are then its last part. Returns false if nothing leaves.
 //
 // The field tells how far a point is from all surfaces. Where that is many mean free paths, the walk leaps to a random
-// point of the ball that is free (Muller 1956): of light that diffuses, x / sinh(x) arrives there, where x is the radius
+// point of the ball that is free (Muller 1956): of light that diffuses, x / sinh(x) arrives there, x being the radius
 // times sqrt(3 (1 - albedo)) / mean free path. Where the mean free path is below the precision of hits, light leaves
 // where it entered. The free paths of all colours are drawn from one, chosen by the weights (Chiang et al. 2016).
 bool walk_below(inout Walk walk, vec3 p, vec3 normal, float travelled, int dimension, inout Ray ray, inout Hit hit) {
