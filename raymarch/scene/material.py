@@ -178,8 +178,8 @@ class Material(Value):
         if isinstance(color, Expr) and color is albedo:  # `replace` of a physical material passes both
             color = None
         phong = {"shininess": shininess, "specular": specular, "ambient": ambient}
-        physical = {"albedo": albedo, "metalness": metalness, "roughness": roughness, "f0": f0}
-        physical |= {"transmission": transmission, "ior": ior, "absorption": absorption}
+        physical = {"albedo": albedo, "metalness": metalness, "roughness": roughness, "f0": f0, "ior": ior}
+        physical |= {"transmission": transmission, "absorption": absorption}
         physical |= {"clearcoat": clearcoat, "clearcoat_roughness": clearcoat_roughness, "subsurface": subsurface}
         physical |= {"subsurface_radius": subsurface_radius, "subsurface_color": subsurface_color}
         phong, physical = _without_unset(phong), _without_unset(physical)
@@ -190,12 +190,11 @@ class Material(Value):
             raise SceneError("Material: color together with albedo", legal="one of them; they are the same")
         name = "color" if albedo is None else "albedo"
         base = color if albedo is None else albedo
-        maps = {name: base, **physical, "emission": emission, "normal": normal, "height": height}
-        check_map_sizes({**maps, "occlusion": occlusion})
         _refuse_colors(absorption, subsurface_radius)
         raised = height_field(height)
-        given = {**phong, **physical, "emission": emission, "occlusion": occlusion}
-        given |= {n: _spread(physical[n]) for n in ("f0", "absorption", "subsurface_radius")}
+        given = {**physical, "emission": emission, "occlusion": occlusion}
+        check_map_sizes({name: base, **given, "normal": normal, "height": height})
+        given = {**phong, **given, **{n: _spread(physical[n]) for n in ("f0", "absorption", "subsurface_radius")}}
         unset = {n: field.default for n, field in _VALUES.items() if given[n] is None}
         if is_physical:
             unset |= {"specular": 0.0, "ambient": 0.0}
@@ -209,7 +208,7 @@ class Material(Value):
         made["color"] = material_value(name, GREY if base is None else base, 3, 0.0, 1.0)
         if is_physical and physical["roughness"] is None:  # glass is smooth by default, other materials are not
             made["roughness"] = expr(0.5 if is_zero(made["transmission"]) else 0.0)
-        if physical["subsurface"] is not None and physical["subsurface_color"] is None:
+        if "subsurface" not in unset and "subsurface_color" in unset:
             made["subsurface_color"] = made["color"]
         relief = {"normal": normal, "height": raised, "normal_strength": normal_strength, "height_scale": height_scale}
         others = {**relief, "bsdf": bsdf}

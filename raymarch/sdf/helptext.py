@@ -29,8 +29,8 @@ SOURCES = _sources(
     {
         "sphere box plane torus cylinder cone": "Hart 1996",
         "capsule infinite_cylinder infinite_cone line rounded_box box_frame slab triangle quad rhombus pyramid link "
-        "hexagonal_prism triangular_prism capped_torus rounded_cylinder round_cone disc solid_angle cut_sphere "
-        "cut_hollow_sphere death_star vesica": "Quilez 2008, distance functions",
+        "hexagonal_prism triangular_prism capped_torus rounded_cylinder rounded_hull round_cone disc solid_angle "
+        "cut_sphere cut_hollow_sphere death_star vesica": "Quilez 2008, distance functions",
         "circle rectangle rounded_rectangle polygon flat_triangle trapezoid regular_polygon star cross stroke polyline "
         "ring arc pie heart flat_vesica egg moon": "Quilez 2008, 2D distance functions",
         "ellipsoid ellipse": "Conn, Gould and Toint 2000, the step of a trust region",

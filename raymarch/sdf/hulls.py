@@ -43,7 +43,8 @@ def hull(points: Any, *others: Node) -> Node:
     Parameters
     ----------
     points : (N, 2) for a flat shape, N >= 3, or (N, 3) for a solid, 4 <= N <= 100, in scene units. Points inside of the
-        hull have no effect. They are numbers and cannot be a `Param`. Or a solid, and `others` further ones.
+        hull have no effect. They are numbers and cannot be a `Param`. Or a solid, or a list of solids.
+    others : further solids.
 
     Returns
     -------
