@@ -243,7 +243,7 @@ def test_forms_beyond_eight_have_loops_of_their_own(kinds, loops):
 def test_what_an_object_repeats_has_the_numbers_of_the_object(copies):
     """The field of what is evaluated at several places is a function of the point and of these numbers."""
     rng = np.random.default_rng(2)
-    blades = [rm.box((rng.uniform(0.2, 0.5), 0.1, 0.2)).rotate(x, "x").translate((0.4, 0, 0)) for x in range(12)]
+    blades = [rm.box((rng.uniform(0.2, 0.5), 0.1, 0.2)).rotate(0.5 * x, "x").translate((0.4, 0, 0)) for x in range(12)]
     assert_same(rm.union(*(copies(b).scale(0.5).translate(rng.uniform(-2, 2, 3)) for b in blades)), points(2000, 3.0))
 
 

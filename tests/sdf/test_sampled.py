@@ -70,7 +70,8 @@ def test_an_isosurface_lies_at_its_level_in_any_unit():
     moved = rm.isosurface(-1000 * ball(81, 0.0), rm.Param("level", -500, -900, -300))
     assert moved.distance(points[1:2]) == pytest.approx(0, abs=1e-3)
     assert np.all(moved.bounds[1] < 1)
-    everywhere = rm.isosurface(-1000 * ball(81, 0.0), -5000, size=2)
+    with pytest.warns(rm.SceneWarning, match="below all values"):
+        everywhere = rm.isosurface(-1000 * ball(81, 0.0), -5000, size=2)
     assert everywhere.distance([(0, 1.5, 0), (0, 0.99, 0)]) == pytest.approx((0.5, -0.01), abs=1e-6)
 
 
