@@ -62,6 +62,15 @@ def test_a_thick_solid_has_its_color(color: float) -> None:
     assert abs(left - color) < 0.006
 
 
+def test_a_thick_plate_has_its_color(renderer: Any) -> None:
+    """80 mean free paths thick, so that walks leap: a leap absorbs as the walk that it replaces. Lit from the front."""
+    plate = rm.box((60, 60, 4)).material(matter(0.05))
+    sky = rm.Sky(lambda d: rm.where(d.z > 0.0, 1.0, 0.0) * rm.vec3(1, 1, 1), light=True)
+    camera = rm.Camera((0, 0, 60), (0, 0, 0), fov=1)
+    scene = rm.Scene(plate, camera, [], sky, bounces=1, quality=rm.Quality(samples=24))
+    np.testing.assert_allclose(renderer.render(scene).color.mean(axis=(0, 1)), TINTS, atol=0.012)
+
+
 @pytest.mark.parametrize("radius", [0.25, 1.0])
 def test_thin_parts_glow(renderer: Any, radius: float) -> None:
     """A plate of thickness 1 that is lit from behind alone: what passes it is what walks in float64 give."""
