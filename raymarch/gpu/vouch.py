@@ -259,7 +259,9 @@ NEARLY_ALL = 0.98
 def has_one_color(color: NDArray[Any]) -> bool:
     """True if nearly all pixels are as alike as a flat surface. False for a black picture: that has its own doubt."""
     every = -(-max(color.shape[:2]) // 256)
-    low, high = np.quantile(color[::every, ::every], (1.0 - NEARLY_ALL, NEARLY_ALL), axis=(0, 1))
+    values = color[::every, ::every].reshape(-1, 3)
+    least, most = (int(share * (len(values) - 1)) for share in (1.0 - NEARLY_ALL, NEARLY_ALL))
+    low, high = np.partition(values, (least, most), axis=0)[[least, most]]
     return bool(np.all(high - low <= 0.02 * high) and np.max(high) >= DARK)
 
 

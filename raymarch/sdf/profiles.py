@@ -152,7 +152,7 @@ def extrude(node: Node, height: Scalar = 1.0, scale: Scalar = 1.0, twist: Scalar
 def _pointed(node: Node, height: Any, scale: Any) -> Node | None:
     """A circle or a convex polygon whose upper end is scaled, if all are numbers: a cone, or planes; else None."""
     tall, end = plain(height), plain(scale)
-    if any(isinstance(v, bool) or not isinstance(v, int | float) or not 0.0 <= v < np.inf for v in (tall, end)):
+    if not all(isinstance(v, int | float) and 0.0 <= v < np.inf for v in (tall, end)) or end == 1.0:
         return None
     if node.definition is definition_of(circle) and has_constants(node):
         radius = float(expr(node.params["radius"]).data)

@@ -93,10 +93,11 @@ from raymarch.sdf.definition import REGISTRY
 functions = sys.modules["raymarch.expr.function"]
 assert len(REGISTRY) > 120 and len(functions._deferred) > 15
 used = {d.name for d in REGISTRY.values() if d._templates or d.programs}
-assert used <= {"sphere", "translate"}, used  # the default rows of instances
+rows = {"sphere", "translate", "circle", "straight_extrusion"}  # the default rows of instances, solid and flat
+assert used <= rows, used
 assert all(functions._deferred.values()), [name for name, left in functions._deferred.items() if not left]
 raymarch.sdf.torus()
-assert {d.name for d in REGISTRY.values() if d.programs} <= {"sphere", "translate", "torus"}
+assert {d.name for d in REGISTRY.values() if d.programs} <= {*rows, "torus"}
 assert "bounds : (-1, -1, -1) to (1, 1, 1)" in raymarch.sdf.sphere.__doc__
 """
     modules_after("-c", code + SHOWN, folder=tmp_path)

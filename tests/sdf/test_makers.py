@@ -108,6 +108,8 @@ def test_many_wide_copies_around_an_axis() -> None:
         (lambda: rm.circle().extrude(1, scale=0, twist=1), "scale = 0"),
         (lambda: rm.circle().extrude(1, scale=-1), "scale = -1"),
         (lambda: rm.circle().extrude(1, scale=(1, 2)), "extrude: scale"),
+        (lambda: rm.circle().extrude(1, scale=np.ones(2)), "extrude: scale"),
+        (lambda: rm.circle().extrude(1, scale=True), "extrude: scale"),
         (lambda: rm.circle().revolve(0, 90), "> 0 and <= 6.28319"),
         (lambda: rm.circle().revolve(0, 0), "> 0 and <= 6.28319"),
         (lambda: ROD.repeat(1), "or padding"),
