@@ -148,7 +148,7 @@ def main(arguments: Sequence[str]) -> int:
             prices = replaced(prices, made.prices)
             for each in found:
                 interval = f"{each.low:.3g} to {each.high:.3g}, class {each.standard:g}"
-                print(f"{each.name:16}{each.value:10.3g}  {interval}  {each.kept}")
+                print(f"{each.name:16}{each.value:10.3g}  {interval}  {each.kept}", flush=True)
         print(f"{context.driver.renderer}, {given.size}: cost of the least = 1 (frames alone in brackets)")
         for name, make in SCENES.items():
             if given.names and name not in given.names:
