@@ -18,7 +18,7 @@ from raymarch.errors import SceneError
 from raymarch.expr.atlas import Place
 from raymarch.expr.branches import Branch, Leaf, Tree, branched, roots_of
 from raymarch.expr.function import Function, Loop
-from raymarch.expr.last_reads import LastReads
+from raymarch.expr.last_reads import LastReads, eager
 from raymarch.expr.node import Expr, make, simplify, var
 from raymarch.expr.pieces import (
     ATOM,
@@ -32,7 +32,7 @@ from raymarch.expr.pieces import (
 )
 from raymarch.expr.pieces import call_text as call_text
 from raymarch.expr.raw import RawFunction
-from raymarch.expr.rolled import paired, rolled
+from raymarch.expr.rolled import paired, rolled_tree
 from raymarch.expr.samples import Samples
 from raymarch.expr.tables import Table
 from raymarch.expr.templates import TEMPLATES as TEMPLATES
@@ -107,6 +107,8 @@ class Text:
     """The functions that return from branches; see `raymarch.expr.branches`."""
     rolled: bool = False
     """True if loops that may end early are not to be unrolled: into branches as deep as they have turns."""
+    rolls: bool = False
+    """True if long folds over constants are loops; see `raymarch.expr.rolled`."""
 
     def lines(self) -> list[Line]:
         """Helpers and functions, with an empty line between them."""
@@ -126,6 +128,7 @@ def print_functions(
     dialect: Dialect | None = None,
     places: Mapping[str, Place] = MappingProxyType({}),
     branches: bool = False,
+    rolls: bool = False,
 ) -> Text:
     """GLSL of some functions and of all their callees, each once. The further arguments : see `Text`."""
     trees: dict[Function, Branch] | None = {} if branches else None
@@ -143,6 +146,7 @@ def print_functions(
             occupied.add(names[definition])
     text = Text(names, [], {}, uniforms, bool(find(expressions, "time")), for_web=for_web, constants=constants)
     text.dialect, text.places, text.trees, text.rolled = dialect or text.dialect, places, trees or {}, branches
+    text.rolls = rolls and not for_web
     text.uniform_names = {leaf: name for name, leaf in uniforms.items()}
     for definition in order:
         text.functions.append(FunctionPrinter(definition, text, occupied).run())
@@ -231,8 +235,11 @@ class FunctionPrinter:
             self.names[param] = self._name(param.data)
         params, body = [(p.type, self.names[p]) for p in self.definition.params], self.definition.body
         head = self.text.dialect.head(self.text.names[self.definition], body.type, params)
-        written = rolled(paired(body)) if self.text.rolled and not self.text.for_web else body
-        self._return(self.text.trees.get(self.definition) or Leaf((written,), {}))
+        tree: Tree | None = self.text.trees.get(self.definition)
+        if self.text.rolled and not self.text.for_web:
+            tree = tree or Leaf((paired(body),), {})
+            tree = rolled_tree(tree) if self.text.rolls else tree
+        self._return(tree or Leaf((body,), {}))
         return [Line(head, body), *self.lines, Line("}", None)]
 
     def _name(self, wanted: str) -> str:
@@ -281,6 +288,9 @@ class FunctionPrinter:
         plain = "loop" not in {node.op for node in order} and self._read_whole(order)
         if not plain:
             order = topological(roots, arguments)
+        early = self.text.rolled and not self.text.for_web
+        if early and not loops:
+            order = eager(order, lambda node: node.args if plain else arguments(node))
         here = set(order)
         uses: defaultdict[Expr, int] = defaultdict(int)
         for root in roots:
@@ -291,7 +301,7 @@ class FunctionPrinter:
         for node in topological(after, lambda node: () if node in here else node.args) if after else ():
             uses[node] += node in here
         forced = {h for opened in loops.values() for h in opened.hoisted}
-        held = LastReads(uses) if self.text.rolled and not self.text.for_web else None
+        held = LastReads(uses) if early else None
         pieces: dict[Expr, Piece] = {}
         waiting = list(enumerate(roots))
         final = set(roots)

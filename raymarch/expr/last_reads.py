@@ -6,7 +6,8 @@ the end, stays in a register until then.
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping
+from collections import Counter
+from collections.abc import Callable, Container, Mapping, Sequence
 from fractions import Fraction
 
 from raymarch.expr.node import Expr
@@ -39,6 +40,42 @@ class LastReads:
         ends = ended > _size(node)
         self._read[node] = {} if ends else found
         return ends
+
+
+def eager(order: Sequence[Expr], arguments: Callable[[Expr], tuple[Expr, ...]]) -> list[Expr]:
+    """The same order, but with each expression as soon as it is known that ends as much as it begins.
+
+    order : arguments before their readers. arguments : what an expression reads of the order.
+    """
+    readers: dict[Expr, list[Expr]] = {}
+    left = {node: len(set(arguments(node))) for node in order}
+    unread: Counter[Expr] = Counter()
+    for node in order:
+        for arg in dict.fromkeys(arguments(node)):
+            readers.setdefault(arg, []).append(node)
+            unread[arg] += 1
+    found: dict[Expr, None] = {}
+
+    def ends_enough(node: Expr) -> bool:
+        ended = [arg for arg in set(arguments(node)) if unread[arg] == 1 and arg.args]
+        return sum(map(_size, ended)) >= _size(node)
+
+    for first in order:
+        waiting = [first] if first not in found else []
+        while waiting:
+            node = waiting.pop()
+            if node in found:
+                continue
+            found[node] = None
+            for arg in set(arguments(node)):
+                unread[arg] -= 1
+            ready = []
+            for reader in readers.get(node, ()):
+                left[reader] -= 1
+            for arg in (node, *arguments(node)):  # readers of arguments may now be the last
+                ready += [r for r in readers.get(arg, ()) if r not in found and not left[r] and ends_enough(r)]
+            waiting += dict.fromkeys(reversed(ready))
+    return list(found)
 
 
 def _size(node: Expr) -> int:

@@ -7,19 +7,21 @@ the order is.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
 from itertools import count, pairwise
 from typing import TypeAlias
 
 import numpy as np
 
+from raymarch.expr.branches import Branch, Leaf, Tree, roots_of
 from raymarch.expr.function import close_loop
 from raymarch.expr.node import Expr, const, construct, make, simplify, swizzle, var
 from raymarch.expr.operations import operations
 from raymarch.expr.pieces import literal
 from raymarch.expr.tables import Table
-from raymarch.expr.types import FLOAT
+from raymarch.expr.types import FLOAT, STATE
 from raymarch.expr.walk import rebuild, substitute, topological
 
 FEWEST = 6
@@ -36,7 +38,11 @@ SPARED = 100
 
 Shape: TypeAlias = Hashable
 
-_serials = count(1)
+ENDS = {"min": FARTHEST, "max": -FARTHEST}
+"""Folds that may take their values in any order, and the value before the first."""
+
+NOTHING = var("nothing", FLOAT)
+"""In place of the value before a step, where there is none."""
 
 
 class Rows(Table):
@@ -67,17 +73,63 @@ def rolled(body: Expr) -> Expr:
         return body
     inner: set[Expr] = set()
     for node in reversed(topological([body])):
-        chain = _chain(node) if node not in inner else []
-        if len(chain) <= FEWEST:
+        if node in inner:
             continue
-        inner.update(chain)
-        made = _as_loop(chain)
+        chain = _chain(node)
+        made = None
+        if len(chain) > FEWEST:
+            inner.update(chain)
+            made = _chain_as_loop(chain)
+        elif node.op in ENDS and node.type is FLOAT:
+            folds = _folds(node)
+            inner.update(folds)
+            made = _tree_as_loops(node.op, [e for fold in folds for e in fold.args if e.op != node.op])
         if made is None:
             continue
         (new,) = substitute([body], {node: made})
         if operations([body], turns=False) - operations([new], turns=False) >= SPARED:
             return rolled(new)
     return body
+
+
+def _folds(node: Expr) -> list[Expr]:
+    """The folds of one operation, arguments first, of which an expression is the last."""
+    return [e for e in topological([node], lambda e: e.args if e.op == node.op else ()) if e.op == node.op]
+
+
+def rolled_tree(tree: Tree) -> Tree:
+    """The same of functions that return from branches: all conditions and values together, so that they share loops."""
+    roots = roots_of(tree)
+    new = dict(zip(roots, rolled(make("record", STATE, tuple(roots))).args, strict=True))
+
+    def changed(node: Tree) -> Tree:
+        if isinstance(node, Leaf):
+            return replace(node, values=tuple(map(new.__getitem__, node.values)))
+        first = tuple(map(new.__getitem__, node.first))
+        return Branch(new[node.condition], changed(node.yes), changed(node.no), first)
+
+    return changed(tree)
+
+
+def _tree_as_loops(op: str, leaves: Sequence[Expr]) -> Expr | None:
+    """The least or the largest of some values: of those that are alike in a loop. None if few are alike."""
+    alike: dict[Hashable, list[tuple[Expr, tuple[Expr, ...]]]] = {}
+    for leaf in leaves:
+        link = _link(leaf, NOTHING) if leaf.op == "call" else None
+        alike.setdefault(link.shape if link else leaf, []).append((leaf, link.constants if link else ()))
+    apart, loops = list[Expr](), list[Expr]()
+    for group in alike.values():
+        of = group[0][0]
+
+        def step(state: Expr, held: dict[int, Expr], of: Expr = of) -> Expr:
+            return simplify(op, FLOAT, (_with(of, NOTHING, state, held), state))
+
+        loop = _as_loop([row for _, row in group], const(ENDS[op]), step) if len(group) >= FEWEST else None
+        if loop is None:
+            apart += [leaf for leaf, _ in group]
+        else:
+            loops.append(loop)
+    return reduce(lambda x, y: simplify(op, FLOAT, (x, y)), [*apart, *loops]) if loops else None
 
 
 def paired(body: Expr) -> Expr:
@@ -134,32 +186,38 @@ def _link(node: Expr, before: Expr) -> _Link | None:
     return _Link(tuple(shape), tuple(constants))
 
 
-def _as_loop(chain: Sequence[Expr]) -> Expr | None:
+def _chain_as_loop(chain: Sequence[Expr]) -> Expr | None:
     """A fold as a loop over rows; None if rows would be too many."""
     found = [_link(node, before) for node, before in pairwise(chain)][::-1]
     constants = [link.constants for link in found if link is not None]
     first, opening = chain[-1], _opening(chain)
     if opening is not None:
         constants, first = [opening, *constants], const(FARTHEST)
+    return _as_loop(constants, first, lambda state, held: _with(chain[0], chain[1], state, held))
+
+
+def _as_loop(
+    constants: Sequence[Sequence[Expr]], first: Expr, step: Callable[[Expr, dict[int, Expr]], Expr]
+) -> Expr | None:
+    """A loop over rows of constants; None if they are too many, or all alike.
+
+    first : the state before. step : the state after a row, from that before, and what replaces constants by position.
+    """
     varying = [k for k, column in enumerate(zip(*constants, strict=True)) if len(set(column)) > 1]
     if not varying or len(constants) > LONGEST:
         return None
     numbers = np.array([np.concatenate([np.ravel(row[k].data) for k in varying]) for row in constants], np.float32)
     filled = np.pad(numbers, ((0, 0), (0, -numbers.shape[1] % 4)))
-    serial = next(_serials)
-    index, state = var(f"rolled {serial} index", FLOAT), var(f"rolled {serial} state", chain[0].type)
-    flat: list[Expr] = []
-    for at in range(0, filled.shape[1], 4):
-        table = Rows(filled[:, at : at + 4], "rows of constants")
-        texel = make("fetch", table.type, (index,), table)
-        flat += [swizzle(texel, part) for part in "xyzw"]
+    tables = [Rows(filled[:, at : at + 4], "rows of constants") for at in range(0, filled.shape[1], 4)]
+    name = "rolled " + " ".join(table.key for table in tables)
+    index, state = var(f"{name} index", FLOAT), var(f"{name} state", first.type)
+    flat = [swizzle(make("fetch", table.type, (index,), table), part) for table in tables for part in "xyzw"]
     held: dict[int, Expr] = {}
     for k in varying:
         size = constants[0][k].type.size
         held[k] = flat[0] if size == 1 else construct(*flat[:size])
         del flat[:size]
-    step = _with(chain[0], chain[1], state, held)
-    return close_loop(len(constants), index, (state,), (step,), None, (first,), kept=True)[0]
+    return close_loop(len(constants), index, (state,), (step(state, held),), None, (first,), kept=True)[0]
 
 
 def _opening(chain: Sequence[Expr]) -> tuple[Expr, ...] | None:

@@ -374,7 +374,9 @@ def _fields(
 ) -> tuple[Chunk, dict[str, str], Text]:
     """All functions generated from expressions, printed together so that each definition appears once."""
     branches = plan.device.branches
-    text = print_functions(roots, taken, plan.standalone, constants, places=places, branches=branches)
+    text = print_functions(
+        roots, taken, plan.standalone, constants, places=places, branches=branches, rolls=plan.device.rolls
+    )
     if text.helpers.pop(("pcg", ""), None):  # a chunk of its own, because modules may need it too
         text.needs.add("pcg")
     parameters = {leaf.data.name: name for name, leaf in text.uniforms.items()}

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 import numpy as np
 import pytest
 
 import raymarch as rm
+from raymarch.expr import vocabulary
 from raymarch.expr.arrays import evaluator
 from raymarch.expr.function import Function
 from raymarch.expr.glsl import print_functions
+from raymarch.expr.last_reads import eager
 from raymarch.expr.node import var
 from raymarch.expr.rolled import paired, rolled
 from raymarch.expr.types import VEC2
 from raymarch.expr.vocabulary import abs, dot, length, min, sqrt, vec2, where
-from raymarch.expr.walk import find
+from raymarch.expr.walk import find, topological
+from raymarch.gpu.prepare import prepare
+from raymarch.plan.device import CLASSES, FORCED, HARDWARE, device_class
 from raymarch.sdf.booleans import balanced
 from raymarch.sdf.flat import enclosed
 
@@ -72,7 +77,7 @@ def test_only_hardware_and_texts_for_its_own_window_have_rows():
     shape = Function("star", (P,), enclosed(P, STAR))
     texts = {
         (branches, web): "\n".join(
-            line.text for line in print_functions([shape], branches=branches, for_web=web).lines()
+            line.text for line in print_functions([shape], branches=branches, rolls=branches, for_web=web).lines()
         )
         for branches in (False, True)
         for web in (False, True)
@@ -88,7 +93,7 @@ def test_pictures_with_rows_are_the_same(monkeypatch):
     )
     drawn = []
     for name in ("software", "hardware"):
-        monkeypatch.setenv("RAYMARCH_DEVICE_CLASS", name)
+        monkeypatch.setattr("raymarch.gpu.context.device_class", lambda _, name=name: CLASSES[name])
         with rm.Renderer((64, 36)) as renderer:
             frame = renderer.render(scene, outputs=("color", "evaluations"))
             drawn.append((frame.color, frame.evaluations))
@@ -98,6 +103,12 @@ def test_pictures_with_rows_are_the_same(monkeypatch):
         assert np.array_equal(one, other)
 
 
+def test_software_drivers_execute_few_turns_so_no_text_for_them_has_more(monkeypatch):
+    monkeypatch.setenv(FORCED, "hardware")
+    assert device_class(is_software=False).rolls and not device_class(is_software=True).rolls
+    assert device_class(is_software=True).branches
+
+
 def pairs(n):
     """The least distance to n points, and the least of another value of each."""
     lines = [vec2(length(P - (0.3 * k, 1.0)), dot(P, (1.0, 0.1 * k))) for k in range(n)]
@@ -105,8 +116,7 @@ def pairs(n):
     return vec2(balanced([line.x for line in near], min), balanced([line.y * line.x for line in near], min))
 
 
-def stretched(line):
-    return Function("stretched", (LINE,), LINE * dot(LINE, LINE) + sqrt(abs(LINE)))(line)
+stretched = Function("stretched", (LINE,), LINE * dot(LINE, LINE) + sqrt(abs(LINE)))
 
 
 def test_a_pair_of_minima_is_a_minimum_of_pairs():
@@ -127,3 +137,42 @@ def test_hardware_text_ends_variables_before_it_begins_others():
         read = {name: max(k for k, line in enumerate(lines) if re.search(rf"\b{name}\b", line)) for name in made}
         most[branches] = max(sum(made[name] <= k < read[name] for name in made) for k in range(len(lines)))
     assert most[False] >= 16 and most[True] <= 6
+
+
+def ring(count, fold, shape):
+    """Copies of a shape about the origin, as `polar` writes them."""
+    turned = [(math.cos(0.4 * k), math.sin(0.4 * k)) for k in range(1, count + 1)]
+    places = [P, *(vec2(c * P.x + s * P.y, c * P.y - s * P.x) for c, s in turned)]
+    return balanced([shape(at) for at in places], fold)
+
+
+lobe = Function("lobe", (LINE,), length(LINE - (1.0, 0.2)) * sqrt(abs(LINE.x)) + dot(LINE, LINE) - 1.0)
+
+
+@pytest.mark.parametrize("fold", [min, vocabulary.max], ids=["min", "max"])
+def test_copies_about_an_axis_are_one_loop(fold):
+    body = abs(ring(15, fold, lobe)) - 0.1
+    made = rolled(body)
+    assert [loop.data.count for loop in find([made], "loop")] == [15]
+    assert len(find([made], "call")) == 2  # the copy that is not turned, and the others
+    assert np.array_equal(values(made), values(body))
+
+
+def test_a_loop_stands_once_for_all_conditions_of_a_branch():
+    shape = rm.capsule((0.3, 0, 0), (1, 0.2, 0), 0.1).polar(13).material(rm.Material(color=(1, 0, 0)))
+    solid = shape | rm.torus(0.5, 0.1).material(rm.Material(color=(0, 1, 0))) | rm.plane(offset=-2)
+    text = prepare(rm.Scene(solid), ("color",), device=HARDWARE).texts["color"]
+    assert text.count("vec4[](") == len(set(re.findall(r"const vec4 (\w+)", text)))
+    assert len(re.findall(r"float\(i\) >= 12.0", text)) >= 1
+
+
+def test_values_are_ended_as_soon_as_may_be():
+    """A choice between two points follows its condition, before other points are made."""
+    points = [vec2(P.x + k, P.y * k) * dot(P, (k, 1.0)) for k in range(1, 9)]
+    pairs = [where(length(a) < length(b), a, b) for a, b in zip(points[::2], points[1::2], strict=True)]
+    body = length(pairs[0]) * dot(pairs[1], pairs[2]) + length(pairs[3])
+    order = eager(topological([*map(length, points), body]), lambda node: node.args)
+    assert set(order) == set(topological([body]))
+    place = {node: k for k, node in enumerate(order)}
+    assert all(place[arg] < place[node] for node in order for arg in node.args)
+    assert place[pairs[0]] < place[points[2]] and place[pairs[1]] < place[points[4]]

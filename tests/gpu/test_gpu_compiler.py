@@ -15,13 +15,14 @@ LIMITS = {
     "csg": (24, 6.0),
     "columns": (16, 11.5),
     "implicit": (10, 21.0),
+    "papers/lights": (10, 16.0),
     "mandelbulb": (16, 16.0),
     "papers/smoothing": (10, 12.0),  # 12 with steps of values alone in soft shadows, at 3 times the evaluations
     "village": (8, 47.0),
     "papers/glass": (10, 17.5),
     "papers/ray_tree": (8, 19.0),
     "primitives": (18, 20.5),
-    "large/costly": (8, 25.0),
+    "large/costly": (10, 29.0),
     "large/forest": (16, 13.0),
     "large/molecule": (16, 11.0),
 }
