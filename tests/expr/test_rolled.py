@@ -93,7 +93,7 @@ def test_pictures_with_rows_are_the_same(monkeypatch):
     )
     drawn = []
     for name in ("software", "hardware"):
-        monkeypatch.setattr("raymarch.gpu.context.device_class", lambda _, name=name: CLASSES[name])
+        monkeypatch.setattr("raymarch.gpu.driver.device_class", lambda _, name=name: CLASSES[name])
         with rm.Renderer((64, 36)) as renderer:
             frame = renderer.render(scene, outputs=("color", "evaluations"))
             drawn.append((frame.color, frame.evaluations))
