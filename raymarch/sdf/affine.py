@@ -167,8 +167,9 @@ def _constant(node: Node, matrix: Any, n: int) -> Node:
     if singular[-1] <= 1e-12 * singular[0] or singular[-1] == 0.0:
         what = f"transform: singular matrix, its stretches are {singular.tolist()}"
         raise SceneError(what, legal="an invertible matrix")
-    inner = node.params
-    if node.definition is definition_of(affine) and all(each.is_constant for each in inner.values()):
+    mapped = isinstance(node, Node) and node.definition is definition_of(affine)
+    inner = node.params if mapped else {}
+    if mapped and all(each.is_constant for each in inner.values()):
         both = linear @ inner["linear"].data
         if np.linalg.cond(both) < 1e12:  # one map has a closer bound than two
             whole = np.eye(n + 1)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import SceneError
-from raymarch.expr.convert import choice, plain, short
+from raymarch.expr.convert import choice, short
 from raymarch.expr.degrees import suspect_degrees
 from raymarch.expr.intervals import interval_of
 from raymarch.expr.node import Expr, expr
@@ -127,8 +127,10 @@ def extrude(node: Node, height: Scalar = 1.0, scale: Scalar = 1.0, twist: Scalar
     angle = domain_of(Angle, None).accept("extrude", "twist", twist)
     suspect_degrees("extrude: twist", twist)
     turns = not (angle.is_constant and angle.data == 0.0)
-    pointed = None if turns else _pointed(node, height, scale)
-    factor = Domain(FLOAT, low=0.01 if pointed is None else 0.0).accept("extrude", "scale", scale)
+    factor = Domain(FLOAT, low=0.0).accept("extrude", "scale", scale)
+    pointed = None if turns else _pointed(node, height, factor)
+    if pointed is None:
+        factor = Domain(FLOAT, low=0.01).accept("extrude", "scale", scale)
     grows = not (factor.is_constant and factor.data == 1.0)
     if not (lean.is_constant and lean.data == 0.0):
         if grows or turns:
@@ -149,11 +151,12 @@ def extrude(node: Node, height: Scalar = 1.0, scale: Scalar = 1.0, twist: Scalar
     return rotate(upright, 0.5 * math.pi, "x")
 
 
-def _pointed(node: Node, height: Any, scale: Any) -> Node | None:
+def _pointed(node: Node, height: Scalar, scale: Expr) -> Node | None:
     """A circle or a convex polygon whose upper end is scaled, if all are numbers: a cone, or planes; else None."""
-    tall, end = plain(height), plain(scale)
-    if not all(isinstance(v, int | float) and 0.0 <= v < np.inf for v in (tall, end)) or end == 1.0:
+    given = expr(height)
+    if not (given.is_constant and scale.is_constant) or scale.data == 1.0:
         return None
+    tall, end = float(given.data), float(scale.data)
     if node.definition is definition_of(circle) and has_constants(node):
         radius = float(expr(node.params["radius"]).data)
         return rotate(cone(radius, tall, end * radius), 0.5 * math.pi, "x")

@@ -13,9 +13,9 @@ import raymarch as rm
 from raymarch.cli import main
 from raymarch.cost.effects import ablate, ablations, dearest, evaluation_counts, evaluations_of
 from raymarch.errors import CostError
-from raymarch.gpu.context import Context
 from raymarch.gpu.prepare import prepare
 from raymarch.gpu.resource_cache import ResourceCache
+from raymarch.plan.device import SOFTWARE
 from raymarch.shader.tally import EVALUATIONS
 
 SIZE = (48, 27)
@@ -128,7 +128,7 @@ def test_times_are_differences_of_the_same_turn(monkeypatch):
     from raymarch.cost import effects
 
     clock, variants = iter(range(10**6)), 1 + len(list(ablations(rich())))
-    stub, apart = SimpleNamespace(kept=1, resources=ResourceCache(Context.__new__(Context))), set()
+    stub, apart = SimpleNamespace(kept=1, resources=ResourceCache(SimpleNamespace(device=SOFTWARE))), set()
 
     def fake(scene, setting, renderer, time=0.0, params=None):
         apart.add(not stub.resources.live_lights)

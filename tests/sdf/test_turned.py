@@ -64,8 +64,8 @@ def test_a_chain_of_numbers_is_one_motion() -> None:
     random = np.random.default_rng(4)
     for i in range(24):
         axis, step = random.normal(size=3), random.uniform(-1, 1, 3)
-        ball, brick = ball.rotate(i, tuple(axis)), brick.rotate(i, tuple(axis)).translate(tuple(step))
-        each = Rotation.from_rotvec(i * axis / np.linalg.norm(axis))
+        ball, brick = ball.rotate(0.7 * i, tuple(axis)), brick.rotate(0.7 * i, tuple(axis)).translate(tuple(step))
+        each = Rotation.from_rotvec(0.7 * i * axis / np.linalg.norm(axis))
         turn, offset = each * turn, each.apply(offset) + step
     np.testing.assert_allclose(ball.bounds, [[-1] * 3, [1] * 3], atol=1e-12)
     reach = np.abs(turn.as_matrix()) @ (0.5, 1, 1.5)
