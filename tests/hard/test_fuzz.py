@@ -24,6 +24,12 @@ def test_a_relation_holds(name: str, world: World) -> None:
     assert not faults(world, NODE, 5, (name,))
 
 
+def test_a_scene_is_drawn_as_if_nothing_had_been_drawn_before(world: World) -> None:
+    """After other lights too, which a renderer else keeps as rows: they change roundings of colours."""
+    assert not faults(world, rm.sphere(1.0), 0, ("with_a_lamp_that_is_off", "made_of_the_default", "drawn_again"))
+    assert not faults(world, rm.sphere(1.0), 0, ("cut_with_itself", "drawn_again"))
+
+
 def test_there_are_enough() -> None:
     assert len(RELATIONS) >= 20
 

@@ -83,13 +83,15 @@ class World:
     def draw(
         self, scene: rm.Scene, size: tuple[int, int] = (64, 48), outputs: Sequence[str] = GEOMETRY, **how: Any
     ) -> Frame:
-        """A frame of a scene with some arrays, as if nothing had been drawn before."""
+        """A frame of a scene with some arrays, as if nothing had been drawn before: no rows of lights that came and went,
+        whose products a compiler adds in another order."""
         if self.renderer.size != size:
             self.renderer.resize(size)
         self.renderer.forget()
         if scene.quality.tracer == "auto" and not scene.quality.shortened:
             scene = scene.replace(quality=scene.quality.replace(tracer=self.tracer))
-        frame = self.renderer.render(scene, outputs=outputs, **how)
+        with self.renderer.resources.scenes_apart():
+            frame = self.renderer.render(scene, outputs=outputs, **how)
         for name in outputs:
             self.digest = zlib.crc32(frame.array(name).tobytes(), self.digest)
         return frame
