@@ -83,8 +83,10 @@ class World:
     def draw(
         self, scene: rm.Scene, size: tuple[int, int] = (64, 48), outputs: Sequence[str] = GEOMETRY, **how: Any
     ) -> Frame:
-        """A frame of a scene with some arrays, as if nothing had been drawn before: no rows of lights that came and went,
-        whose products a compiler adds in another order."""
+        """A frame of a scene with some arrays, as if nothing had been drawn before.
+
+        No lights are rows because they came and went: a compiler adds products of those in another order.
+        """
         if self.renderer.size != size:
             self.renderer.resize(size)
         self.renderer.forget()
