@@ -113,8 +113,8 @@ class Frame:
 
         The checks are: values outside their range, samples that contradict the facts of the user's own definitions,
         colours that are not finite, glass that one random path a pixel shows, surfaces that are clipped to white over
-        5 % of the picture (which renders the materials), a picture without a hit (which renders the depth to confirm),
-        and more than 0.5 % of the rays out of steps.
+        5 % of the picture (which renders the materials), surfaces that are all nearly black or white, a picture
+        without a hit (which renders the depth to confirm), and more than 0.5 % of the rays out of steps.
 
         Parameters
         ----------

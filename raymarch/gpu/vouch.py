@@ -17,7 +17,7 @@ from raymarch.scene.camera import Pose
 from raymarch.scene.legal import solid_at
 from raymarch.scene.light import has_area
 from raymarch.scene.origin import ULP
-from raymarch.scene.parameter import Values
+from raymarch.scene.parameter import Values, is_zero
 from raymarch.scene.scene import Scene, all_nodes, is_cut_away
 from raymarch.scene.studio import GROUND, SAMPLES, in_studio
 from raymarch.sdf import levels
@@ -65,6 +65,8 @@ def doubts_of(
     if white is not None:
         found.append(clipped(white, frame.color, frame.material, scene))
     found.append(dark(frame.color, scene))
+    if not any(found):
+        found.append(of_one_tone(frame.color, scene, pose, values))
     if arrived is not None:
         found.append(out_of_steps(arrived, scene))
     missed = is_sky(frame.color, scene, pose, values) and not np.any(np.isfinite(frame.depth))
@@ -229,7 +231,7 @@ def clipped(white: NDArray[np.bool_], color: NDArray[Any], material: NDArray[Any
     share = float(np.mean(lit))
     if share <= OVEREXPOSED:
         return None
-    stops = float(np.log2(np.quantile(color[lit].max(axis=-1), 0.95))) - float(scene.tone.exposure)
+    stops = float(np.log2(np.quantile(color[lit].max(axis=-1), 0.95)))
     exposure = f"rm.ToneMapping(exposure={-np.ceil(10.0 * stops) / 10.0:.1f})"
     cure = f"lights of less intensity, Scene(tone=rm.ToneMapping('aces')) or {exposure}"
     return Doubt("picture", f"{share:.0%} of the picture is clipped to white surfaces, whose light is above 1", cure)
@@ -249,11 +251,45 @@ def dark(color: NDArray[Any], scene: Scene) -> Doubt | None:
     what = f"{share:.0%} of the picture is black: "
     if unlit:
         return Doubt("picture", what + "the scene has no light", "lights=[Sun()], or Sky(..., light=True)")
-    return Doubt("picture", what + "the lights are too weak, too far or hidden", "a higher intensity, or another place")
+    what += "the lights are too weak, too far or hidden"
+    what += ", or the materials are black" if any(is_zero(m.color) for m in scene.materials) else ""
+    return Doubt("picture", what, "a higher intensity, or another place")
 
 
 NEARLY_ALL = 0.98
 """Share of a picture that is the picture, where a few of its pixels show the horizon or an edge."""
+
+FAINT, PALE = 24, 250
+"""8-bit codes: surfaces below the first in all channels are nearly black, those above the second nearly white."""
+
+
+def of_one_tone(color: NDArray[Any], scene: Scene, pose: Pose, values: Values) -> Doubt | None:
+    """The doubt of a picture in which nearly all of the lit surfaces are shown nearly black, or nearly white. None
+    where materials are black or emit light by themselves, which is a choice."""
+    if not (scene.lights or scene.sky.lights) or any(m.emits or is_zero(m.color) for m in scene.materials):
+        return None
+    shown, sky = _beside_sky(color, scene, pose, values)
+    lit = np.nan_to_num(shown[~sky].astype(np.float32, copy=False))
+    if len(lit) <= OVEREXPOSED * len(shown):
+        return None
+    codes = scene.tone.image(lit[None])[0]
+    low, high = -_high(-codes.min(axis=1).astype(int)), _high(codes.max(axis=1))
+    if high >= FAINT and low <= PALE:
+        return None
+    light = _high(lit.max(axis=1))
+    wanted = np.clip(-np.ceil(10.0 * np.log2(max(light, 1e-9))) / 10.0 - float(high < FAINT), -30.0, 30.0)
+    exposure = f"rm.ToneMapping(exposure={wanted:.1f})"
+    if high < FAINT:
+        what = f"all surfaces are nearly black, at most {high:.0f} of 255"
+        return Doubt("picture", what, f"lights of more intensity, or {exposure}")
+    what = f"all surfaces are nearly white, at least {low:.0f} of 255"
+    return Doubt("picture", what, f"lights of less intensity, or {exposure}")
+
+
+def _high(values: NDArray[Any]) -> float:
+    """The value that nearly all values do not exceed. `np.quantile` imports more of NumPy."""
+    last = int(NEARLY_ALL * (len(values) - 1))
+    return float(np.partition(values, last)[last])
 
 
 def has_one_color(color: NDArray[Any]) -> bool:
@@ -272,14 +308,21 @@ def is_plain(frame: Frame, scene: Scene) -> bool:
 
 
 def is_sky(color: NDArray[Any], scene: Scene, pose: Pose, values: Values) -> bool:
-    """True if a grid of up to 48 x 48 pixels matches the sky, so that the picture may show nothing else."""
+    """True if a grid of pixels matches the sky, so that the picture may show nothing else."""
+    return bool(np.all(_beside_sky(color, scene, pose, values)[1]))
+
+
+def _beside_sky(
+    color: NDArray[Any], scene: Scene, pose: Pose, values: Values
+) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """The colours (N, 3) of a grid of up to 48 x 48 pixels, and which of them match the sky."""
     height, width = color.shape[:2]
     rows, columns = (np.linspace(0, n - 1, min(n, 48)).astype(int) for n in (height, width))
     directions = pose.directions(columns, rows[:, None], (width, height)).reshape(-1, 3)
     sky = scene.sky.radiance_along(directions, values)
     shown = color[np.ix_(rows, columns)].reshape(-1, 3)
     near = 1e-4 if scene.sky.constant else 0.05  # the samples of a pixel see different parts of the sky
-    return bool(np.all(np.abs(shown - sky) <= near * (1.0 + np.abs(sky))))
+    return shown, np.all(np.abs(shown - sky) <= near * (1.0 + np.abs(sky)), axis=1)
 
 
 def may_be_ground(color: NDArray[Any], scene: Scene) -> bool:

@@ -80,6 +80,32 @@ def test_a_black_picture_is_said() -> None:
     assert vouch.dark(black, rm.Scene(BALL, sky=(0, 0, 0))) is None
 
 
+@pytest.mark.parametrize(
+    "light, tone, words",
+    [
+        (rm.Sun(intensity=0.01), rm.ToneMapping(), "all surfaces are nearly black, at most"),
+        (rm.Sun(), rm.ToneMapping(exposure=-8), "all surfaces are nearly black, at most"),
+        (rm.Sun(), rm.ToneMapping(exposure=5), "all surfaces are nearly white, at least 255 of 255"),
+    ],
+)
+def test_surfaces_of_one_tone_are_said_with_an_exposure(light: rm.Light, tone: rm.ToneMapping, words: str) -> None:
+    scene = rm.Scene(BALL | FLOOR, rm.Camera((0, 2, 5), (0, 0, 0)), lights=[light], tone=tone)
+    with rm.Renderer((48, 27)) as renderer:
+        (doubt,) = renderer.render(scene).doubts()
+        assert words in doubt
+        cured = rm.ToneMapping(exposure=float(doubt.partition("exposure=")[2].strip(")")))
+        assert not renderer.render(scene.replace(tone=cured)).doubts()
+        assert not renderer.render(scene.replace(node=(BALL | FLOOR).material(rm.Material.unlit("white")))).doubts()
+
+
+def test_the_exposure_that_ends_white_is_that_of_the_light() -> None:
+    """It was moved by the exposure that the scene has already, and ended nothing."""
+    scene = rm.Scene(BALL | FLOOR, rm.Camera((0, 2, 5), (0, 0, 0)), lights=[rm.Sun(intensity=9)])
+    with rm.Renderer((48, 27)) as renderer:
+        found = [renderer.render(scene.replace(tone=rm.ToneMapping(exposure=e))).doubts()[0] for e in (0, 1)]
+    assert "clipped to white surfaces" in found[0] and found[0].partition("(")[2] == found[1].partition("(")[2]
+
+
 def test_an_emission_of_255_is_said() -> None:
     with pytest.warns(rm.SceneWarning, match="divide it by 255"):
         rm.Material(emission=(255, 0, 0))
