@@ -202,16 +202,14 @@ def plot_ray(
     field, shown = field_of(scene, values), _shown(found)
     _draw_plane(upper, found, field, scene.pose(values, size[0] / size[1]).frame[:, 1], shown)
     _draw_values(lower, found, field, shown)
-    counts = [f"{int(np.sum(found.kind == 2))} undone"] if np.any(found.kind == 2) else []
+    counts = f"{found.evaluations} evaluations"
     if found.solved:
-        solids = "1 solid" if found.solved == 1 else f"{found.solved} solids"
-        counts.append(f"none of {solids} in closed form")
-    ends = "no hit" if np.isinf(found.hit) else f"hit at {found.hit:.5g}"
-    words = [
-        f"pixel ({pixel[0]}, {pixel[1]}) of {size[0]}x{size[1]}: {found.tracer}",
-        f"{found.evaluations} evaluations",
-    ]
-    upper.set_title(", ".join([*words, *counts, ends]), fontsize=10)
+        solids = "1 solid in closed form takes" if found.solved == 1 else f"{found.solved} solids in closed form take"
+        counts += f" ({solids} none)"
+    words = [f"pixel ({pixel[0]}, {pixel[1]}) of {size[0]}x{size[1]}: {found.tracer}", counts]
+    words += [f"{int(np.sum(found.kind == 2))} undone"] if np.any(found.kind == 2) else []
+    words.append("no hit" if np.isinf(found.hit) else f"hit at {found.hit:.5g}")
+    upper.set_title(", ".join(words), fontsize=10)
     return drawn
 
 

@@ -41,7 +41,7 @@ def test_a_figure_tells_what_it_shows() -> None:
     solid = rm.sphere() | rm.box(1).twist(1).translate((3, 0, 0))
     figure = rm.plot_ray(rm.Scene(solid), (10, 10), SIZE)
     upper, lower = figure.axes
-    assert "evaluations, none of 1 solid in closed form" in upper.get_title()
+    assert "evaluations (1 solid in closed form takes none), " in upper.get_title()
     assert lower.get_xlabel() == "distance along the ray"
     figure.canvas.draw()
 
