@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import raymarch as rm
 from raymarch import files
@@ -290,3 +291,10 @@ def test_the_site_builds() -> None:
     for page in (ROOT / "site").glob("*.html"):
         loaded = re.findall(r"<(?:script|img|link|iframe)[^>]* (?:src|href)=\"?(https?:[^\"> ]+)", page.read_text())
         assert not loaded, f"{page.name}: {loaded}"
+
+
+@pytest.mark.parametrize("name", ["accuracy-tracers", "accuracy-oversteps", "accuracy-fronts"])
+def test_letters_of_figures_can_be_read_at_the_width_of_a_page(name: str) -> None:
+    """They are 12 pixels high in the file, and pages are 770 pixels wide: at least 7.5 are left."""
+    with Image.open(DOCS / "pictures" / f"{name}.png") as picture:
+        assert 12 * 770 / picture.width >= 7.5

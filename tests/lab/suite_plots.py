@@ -9,19 +9,25 @@ import numpy as np
 from raymarch.cost.plots import COLORS, blank, draw_front
 from tests.lab.suite import SCHEDULES, TRACERS, Suite, undone_of_all, undone_of_taken
 
+WIDTH = 10.0
+"""Inches: 1,100 pixels of a file, so that letters of 9 points are 9 pixels high on a page 770 pixels wide."""
+
 SCHEDULE_COLORS = {"two": "#1f6fc4", "four": "#2a9d3a", "six": "#e07b00", "cone": "#b0207a"}
 
 
 def figure_3(made: Suite) -> Any:
-    """Left: each tracer over the plain one. Right: each schedule over a single resolution, by tracer."""
+    """First each tracer over the plain one, then each schedule over a single resolution, by tracer."""
     tracers = made.scale.scheduled
-    drawn = blank(6.4 + 4.6 * len(tracers), 6.2)
-    axes = drawn.subplots(1, 1 + len(tracers), width_ratios=[6.4] + [4.6] * len(tracers))
+    rows = -(-(1 + len(tracers)) // 2)
+    drawn = blank(WIDTH, 6.0 * rows)
+    axes = drawn.subplots(rows, 2, squeeze=False).reshape(-1)
+    for rest in axes[1 + len(tracers) :]:
+        rest.set_axis_off()
     for tracer in TRACERS[1:]:
         pair = ((tracer, "single"), ("plain", "single"))
         _draw_curves(axes[0], made, made.scale.steps, *pair, tracer, COLORS[tracer])
     _finish(axes[0], made.scale.steps, "tracers, relative to plain sphere tracing")
-    for panel, tracer in zip(axes[1:], tracers, strict=True):
+    for panel, tracer in zip(axes[1:], tracers, strict=False):
         for schedule in SCHEDULES[1:]:
             pair = ((tracer, schedule), (tracer, "single"))
             _draw_curves(panel, made, made.scale.schedule_steps, *pair, schedule, SCHEDULE_COLORS[schedule])
@@ -54,10 +60,10 @@ def _finish(axes: Any, steps: Any, title: str) -> None:
 def figure_5(made: Suite) -> Any:
     """Fraction of P1's steps 17 to 24 that were undone: black none, white all."""
     names = list(made.scenes[0].oversteps)
-    drawn = blank(4.2 * len(made.scenes), 2.7 * len(names))
-    axes = np.atleast_2d(drawn.subplots(len(names), len(made.scenes)))
-    for column, scene in enumerate(made.scenes):
-        for row, name in enumerate(names):
+    drawn = blank(4.2 * len(names), 2.7 * len(made.scenes))
+    axes = drawn.subplots(len(made.scenes), len(names), squeeze=False)
+    for row, scene in enumerate(made.scenes):
+        for column, name in enumerate(names):
             panel = axes[row, column]
             shown, taken = undone_of_all(scene.oversteps[name]), undone_of_taken(scene.oversteps[name])
             panel.imshow(shown, cmap="gray", vmin=0.0, vmax=1.0, interpolation="nearest")
@@ -68,8 +74,8 @@ def figure_5(made: Suite) -> Any:
 
 def fronts(made: Suite) -> Any:
     """Error against time of every setting of each scene, as pictures."""
-    drawn = blank(6.0 * len(made.scenes), 5.0)
-    for panel, scene in zip(np.atleast_1d(drawn.subplots(1, len(made.scenes))), made.scenes, strict=True):
+    drawn = blank(6.0, 5.0 * len(made.scenes))
+    for panel, scene in zip(np.atleast_1d(drawn.subplots(len(made.scenes))), made.scenes, strict=True):
         draw_front(panel, scene.product, "pixels_p99")
         panel.set_title(scene.name, fontsize=10)
     return drawn
