@@ -233,7 +233,8 @@ def clipped(white: NDArray[np.bool_], color: NDArray[Any], material: NDArray[Any
         return None
     stops = float(np.log2(np.quantile(color[lit].max(axis=-1), 0.95)))
     exposure = f"rm.ToneMapping(exposure={-np.ceil(10.0 * stops) / 10.0:.1f})"
-    cure = f"lights of less intensity, Scene(tone=rm.ToneMapping('aces')) or {exposure}"
+    curve = "Scene(tone=rm.ToneMapping('aces')) " if scene.tone.curve == "linear" else ""
+    cure = f"lights of less intensity, {curve}or {exposure}"
     return Doubt("picture", f"{share:.0%} of the picture is clipped to white surfaces, whose light is above 1", cure)
 
 

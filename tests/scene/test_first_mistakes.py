@@ -103,6 +103,8 @@ def test_the_exposure_that_ends_white_is_that_of_the_light() -> None:
     scene = rm.Scene(BALL | FLOOR, rm.Camera((0, 2, 5), (0, 0, 0)), lights=[rm.Sun(intensity=9)])
     with rm.Renderer((48, 27)) as renderer:
         found = [renderer.render(scene.replace(tone=rm.ToneMapping(exposure=e))).doubts()[0] for e in (0, 1)]
+        aces = renderer.render(scene.replace(tone=rm.ToneMapping("aces"), lights=[rm.Sun(intensity=300)])).doubts()[0]
+    assert "(lights of less intensity, or rm.ToneMapping(exposure=" in aces
     assert "clipped to white surfaces" in found[0] and found[0].partition("(")[2] == found[1].partition("(")[2]
 
 
