@@ -134,10 +134,10 @@ def device(made: Sweep) -> str:
     return str(made.environment["driver"]["renderer"]).split(" (")[0]
 
 
-def figures(value: float) -> str:
-    """A number with two significant digits and no exponent: 0.00091, 8.4, 120."""
+def figures(value: float, digits: int = 2) -> str:
+    """A number with significant digits, two by default, and no exponent: 0.00091, 8.4, 120."""
     if value == 0 or value != value:
         return "0" if value == 0 else "-"
     if abs(value) >= 100:
         return f"{value:.0f}"
-    return f"{float(f'{value:.2g}'):.10f}".rstrip("0").rstrip(".")
+    return f"{float(f'{value:.{digits}g}'):.{8 + digits}f}".rstrip("0").rstrip(".")

@@ -114,14 +114,15 @@ def _legend_below(axes: Any) -> None:
 
 
 def plain_ticks(axis: Any) -> None:
-    """Ticks of a logarithmic axis as plain numbers: 10, 20, 50."""
+    """Ticks of a logarithmic axis as plain numbers: 10, 20, 50. On a short one, with the digits that differ."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     low, high = sorted(axis.get_view_interval())
     decades = math.log10(high / low)
     subs = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0) if decades < 1 else (1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)
     axis.set_major_locator(LogLocator(subs=subs, numticks=20))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: figures(value)))
+    digits = max(2, math.ceil(1.5 - math.log10(max(decades, 1e-6))))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: figures(value, digits)))
     axis.set_minor_formatter(NullFormatter())
 
 
