@@ -128,6 +128,15 @@ def test_a_module_for_three_draws_the_picture(
     assert messages == [] and {"u_resolution", *values} <= set(made["names"])
 
 
+def test_light_below_the_surface_of_a_hull(renderer: Renderer, tmp_path: Path) -> None:
+    wax = rm.Material(albedo=(0.9, 0.55, 0.4), subsurface=1, subsurface_radius=(0.12, 0.04, 0.02))
+    scene = rm.Scene(rm.rounded_hull().material(wax), bounces=1)
+    text = text_of(tmp_path, scene, ".gdshader")
+    assert godot_faults(text) == []
+    compare(drawn(renderer, godot_as_glsl(text), {"host_size": (64, 48)}), picture(renderer, scene))
+    spirv(text_of(tmp_path, scene, ".hlsl"), tmp_path)
+
+
 def test_hlsl_holds_no_glsl_of_the_user(tmp_path: Path) -> None:
     code = "float f(vec3 p) { return length(mat3(2.0) * p) - 2.0; }"
     node = rm.glsl_node(code, "f", "bound", twin=lambda p: 2 * np.linalg.norm(p, axis=1) - 2)

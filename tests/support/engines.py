@@ -31,12 +31,12 @@ def godot_as_glsl(text: str) -> str:
 
 def godot_faults(text: str) -> list[str]:
     """What Godot's language does not have: variables outside of functions, layouts, and lines for a preprocessor."""
-    found = [f"no {word}" for word in ("layout", "#", "precision ", "gl_") if word in text]
+    lines = [line.partition("//")[0] for line in text.split("\n")]
+    found = [f"no {word}" for word in ("layout", "#", "precision ", "gl_") if any(word in code for code in lines)]
     depth = 0
-    for line in text.split("\n"):
-        code = line.partition("//")[0]
+    for code in lines:
         if depth == 0 and (named := re.match(r"(\w+) \w+ ?(\[\d*\])? ?(=.*)?;", code)):
-            found += [line] if named[1] not in ("uniform", "const", "shader_type") else []
+            found += [code] if named[1] not in ("uniform", "const", "shader_type") else []
         depth += code.count("{") - code.count("}")
     return found
 
