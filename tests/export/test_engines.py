@@ -129,7 +129,7 @@ def test_a_module_for_three_draws_the_picture(
 
 
 def test_light_below_the_surface_of_a_hull(renderer: Renderer, tmp_path: Path) -> None:
-    wax = rm.Material(albedo=(0.9, 0.55, 0.4), subsurface=1, subsurface_radius=(0.12, 0.04, 0.02))
+    wax = rm.Material(albedo=(0.9, 0.55, 0.4), subsurface=1, subsurface_radius=(0.6, 0.4, 0.3))
     scene = rm.Scene(rm.rounded_hull().material(wax), bounces=1)
     text = text_of(tmp_path, scene, ".gdshader")
     assert godot_faults(text) == []
