@@ -81,9 +81,12 @@ def near_sum(a: Interval, b: Interval) -> Interval:
 
 
 def _times(a: Interval, x: Array) -> Interval:
-    """Multiples by one number."""
+    """Multiples by one number. Those of one whole number by another, as rows of tables have, are exact below 2^53."""
     least, most = a if x > 0.0 else (a[1], a[0])
-    low, high = outward(least * x, most * x)
+    low, high = least * x, most * x
+    if np.ndim(low) == 0 and max(abs(low), abs(high)) < 2.0**53 and not any(v % 1.0 for v in (x, least, most)):
+        return low, high
+    low, high = outward(low, high)
     return np.where(least == 0.0, 0.0, low), np.where(most == 0.0, 0.0, high)
 
 

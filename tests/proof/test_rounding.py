@@ -134,3 +134,10 @@ def test_an_exact_sum_is_not_widened() -> None:
     low, high = r.add((np.array([3.0, 0.1]), np.array([3.0, 0.1])), (np.array([0.5, 0.2]), np.array([0.5, 0.2])))
     assert low[0] == high[0] == 3.5
     assert Fraction(low[1]) <= Fraction(0.1) + Fraction(0.2) <= Fraction(high[1]) and low[1] < high[1]
+
+
+@pytest.mark.parametrize("value, exact", [(7.0, True), (-7.0, True), (7.5, False), (2.0**52 + 1.0, False)])
+def test_products_of_whole_numbers_are_exact_below_a_limit(value: float, exact: bool) -> None:
+    three, given = np.asarray(3.0), np.asarray(value)
+    for low, high in (r.mul((three, three), (given, given)), r.mul((given, given), (three, three))):
+        assert (low == high == 3.0 * value) if exact else low < high
