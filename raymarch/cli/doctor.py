@@ -116,15 +116,21 @@ def _measured() -> list[Any]:
 
 
 def _show_prices(prices: list[Any]) -> None:
+    from raymarch.cost.prices import MEANING
+
     out = Output()
-    out.print("[bold]measured prices[/bold]  (`raymarch.prices.Prices` says what each is, and its unit)")
-    line = "  {:<18}{:>10}{:>22}{:>10}  {}"
-    out.print(line.format("", "measured", "interval", "class", ""), markup=False)
+    out.print("[bold]measured prices[/bold]")
+    line = "  {:<16}{:>10}{:>22}{:>10}{:>10}  {}"
+    out.print(line.format("", "measured", "interval", "class", "used", "unit"), markup=False)
     for each in prices:
+        numbers = (f"{n:.3g}" for n in (each.standard, each.standard if each.kept else each.value))
         interval = f"{each.low:.3g} to {each.high:.3g}"
-        kept = f"that of the class, {each.kept}" if each.kept else ""
-        out.print(line.format(each.name, f"{each.value:.3g}", interval, f"{each.standard:.3g}", kept), markup=False)
-    out.print("  all others are those of the class", markup=False)
+        out.print(line.format(each.name, f"{each.value:.3g}", interval, *numbers, MEANING[each.name]), markup=False)
+    for each in prices:
+        if each.kept:
+            out.print(f"  {each.name}: that of the class is used, {each.kept}", markup=False)
+    out.print("  All other prices are those of the class. An interval holds the median with a confidence of 95 %;")
+    out.print("  of a wide one, the end that is nearest to the price of the class is used.")
     out.print()
 
 

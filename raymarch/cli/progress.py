@@ -30,13 +30,15 @@ def logged() -> Callable[[str, float], None]:
 
 
 @contextmanager
-def _shown(total: float, *columns: str, **fields: Any) -> Iterator[Callable[..., None]]:
-    """A bar with columns of `rich.progress` by name, or their text; yields what updates it."""
+def _shown(total: float, *columns: str, since: float = 0.0, **fields: Any) -> Iterator[Callable[..., None]]:
+    """A bar with columns of `rich.progress` by name, or their text; yields what updates it. since : seconds that the
+    work has taken before."""
     from rich import progress  # takes time, and most work ends before it is needed
 
     made = (getattr(progress, name)() if name.isalpha() else progress.TextColumn(name) for name in columns)
     with progress.Progress(*made, console=errors, transient=True) as bar:
         task = bar.add_task(fields.pop("description", ""), total=total, **fields)
+        bar.tasks[-1].start_time = bar.get_time() - since
         yield lambda **changes: bar.update(task, **changes)
 
 
@@ -49,12 +51,13 @@ def bar(what: str, total: float) -> Iterator[Callable[[float], None]]:
 
         def report(done: float) -> None:
             nonlocal update
-            slow = clock_time.perf_counter() - start > 1.0 and done < total
-            if update is None and slow and errors.is_interactive:
+            spent = clock_time.perf_counter() - start
+            if update is None and spent > 1.0 and done < total and errors.is_interactive:
                 columns = ("{task.description}", "BarColumn", "{task.percentage:>3.0f}%", "{task.elapsed:.0f} s")
-                update = stack.enter_context(_shown(total, *columns, "{task.fields[left]}", description=what, left=""))
+                columns += ("{task.fields[left]}",)
+                update = stack.enter_context(_shown(total, *columns, since=spent, description=what, left=""))
             if update is not None:
-                update(completed=done, left=time_left(clock_time.perf_counter() - start, done / total))
+                update(completed=done, left=time_left(spent, done / total))
             elif not errors.is_interactive:
                 log(what, done / total)
 

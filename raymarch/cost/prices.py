@@ -53,6 +53,9 @@ FIRSTS = 3
 WIDE = 2.5
 """Largest ratio of the ends of an interval whose median counts."""
 
+SCENES = 3
+"""Most scenes that one stage draws."""
+
 NEVER = 1e9
 """A price that is never paid."""
 
@@ -74,13 +77,14 @@ class Times:
 class Bench:
     """Draws scenes with prices forced. context : to draw on. device : the class of its driver, without measured prices.
 
-    clock : returns the milliseconds of a draw; None for that of the driver.
+    clock : returns the milliseconds of a draw; None for that of the driver. drawn : is called after each scene.
     """
 
     def __init__(
         self, context: Context, device: DeviceClass, clock: Callable[[Callable[[], None]], float] | None = None
     ) -> None:
         self.context, self.device = context, device
+        self.drawn: Callable[[], object] = lambda: None
         if clock is None:
             made = Clock(context)
             made.by_cpu = True
@@ -108,6 +112,7 @@ class Bench:
                 renderer.resize(chosen)
                 draw()
             frames = np.array([[self.clock(draw) for draw in draws] for _ in range(rounds)])
+        self.drawn()
         pixels = chosen[0] * chosen[1]
         shown = 1e-3 * np.median(frames, axis=0) * (SIZES[0][0] * SIZES[0][1] / pixels)
         scale = 1.0 if size else PICTURE / pixels
@@ -161,8 +166,17 @@ def measure(
     stages = stages or STAGES
     driver, standard = bench.context.driver, bench.device.prices
     found: list[Found] = []
+    share = 0.0
+
+    def drawn() -> None:
+        nonlocal share
+        share += 1.0 / (SCENES * len(stages))
+        tell(min(share, 1.0))
+
+    bench.drawn = drawn
     for k, stage in enumerate(stages):
-        tell(k / len(stages))
+        share = k / len(stages)
+        tell(share)
         now = replaced(standard, {each.name: each.value for each in found if not each.kept})
         found += [_judged(*values, standard) for values in stage(bench, now)]
     prices = {each.name: each.value for each in found if not each.kept}
@@ -284,6 +298,18 @@ def _cones(bench: Bench, prices: Prices) -> Iterator[tuple[str, NDArray[np.float
     steps = [(work * size[0] * size[1], scene, size) for size in SIZES[2:]]
     yield "draw", _break_even(bench, steps, sides)
 
+
+MEANING = {
+    "operation": "ns of an arithmetic operation of one ray",
+    "compile": "s to compile 1,000 operations",
+    "compile_square": "s more for their square",
+    "read": "operations that take as long as reading a texel",
+    "skip": "operations from which a part is worth a box",
+    "look_up": "operations of finding objects through cells",
+    "closed_form": "s to compile a solid in closed form",
+    "draw": "operations of a further pass, for all pixels",
+}
+"""The unit and the meaning of each price that is measured, in short: `raymarch.prices.Prices` says it in full."""
 
 STAGES: Sequence[Stage] = (_arithmetic, _reading, _boxes, _objects, _closed_forms, _cones)
 """What is measured, in order: prices in operations need that of an operation."""

@@ -52,7 +52,7 @@ class Measured:
     @property
     def words(self) -> str:
         """Where and when they were measured."""
-        return f"prices measured on {self.renderer}, {self.date}"
+        return f"measured on {self.renderer}, {self.date}"
 
 
 def file_of(renderer: str, version: str) -> Path | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import io
 import json
 import os
 import pickle
@@ -15,6 +16,7 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 import raymarch as rm
 from raymarch.cli import progress
@@ -244,6 +246,17 @@ def test_a_log_gets_lines_of_progress(monkeypatch: pytest.MonkeyPatch, capsys: p
             now[0] = float(second)
             tell(second / 10)
     assert capsys.readouterr().err.splitlines() == [" 25 %  exporting, 30 s left", " 50 %  exporting, 20 s left"]
+
+
+def test_a_bar_counts_the_seconds_before_it_appears(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, shown = [0.0], io.StringIO()
+    monkeypatch.setattr(progress.clock_time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(progress, "errors", Console(file=shown, force_terminal=True, width=100))
+    with progress.bar("measuring", 1.0) as tell:
+        tell(0.0)
+        now[0] = 30.0
+        tell(0.5)
+    assert "50% 30 s 30 s left" in shown.getvalue()
 
 
 def test_the_package_works_from_a_zip_archive(tmp_path: Path) -> None:

@@ -23,6 +23,12 @@ SOME = [
     "effects, sky",
     "numbers, 10000 from the origin",
 ]
+FLUSHED = """
+float flushed_root(float s) { return s < 6.1e-5 ? 0.0 : sqrt(s); }
+float flushed(vec2 v) { return flushed_root(dot(v, v)); }
+float flushed(vec3 v) { return flushed_root(dot(v, v)); }
+"""
+"""Squares below the least normal number of float16 become 0, as where a driver computes with fewer bits."""
 
 
 @pytest.fixture
@@ -49,9 +55,10 @@ def test_this_driver_is_right(renderer: Renderer, name: str) -> None:
         (lambda text: text.replace("sin(", "sin(1.02 * "), "operators, implicit waves"),
         (lambda text: text.replace("length(", "1.003 * length("), "shapes, torus"),
         (lambda text: text.replace("u_far;", "u_far_; float u_far = 2.0;"), "numbers, 10000 from the origin"),
+        (lambda text: text.replace("length(", "flushed(").replace("\n", FLUSHED, 1), "operators, taper"),
         (lambda text: text + "\n}", "shapes, gyroid"),
     ],
-    ids=["sine", "length", "an end of all rays", "refused"],
+    ids=["sine", "length", "an end of all rays", "numbers that are flushed to zero", "refused"],
 )
 def test_a_faulty_driver_is_found(
     renderer: Renderer, monkeypatch: pytest.MonkeyPatch, fault: Callable[[str], str], caught: str

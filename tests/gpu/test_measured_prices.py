@@ -6,6 +6,7 @@ import json
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,6 +16,7 @@ import pytest
 
 import raymarch as rm
 from raymarch.cli.commands import main
+from raymarch.cli.doctor import _show_prices
 from raymarch.cost import prices as measuring
 from raymarch.cost.prices import Bench, Times, measure
 from raymarch.errors import DeviceError, SceneWarning
@@ -161,7 +163,7 @@ def test_commands_say_where_prices_are_from(
     assert "those of the class software" in capsys.readouterr().out
     kept = keep(measured(egl.driver, skip=300.0), DeviceError)
     run("explain", file)
-    assert f"prices measured on {egl.driver.renderer}, 2026-01-02" in " ".join(capsys.readouterr().out.split())
+    assert f" prices measured on {egl.driver.renderer}, 2026-01-02" in " ".join(capsys.readouterr().out.split())
     run("explain", file, "--json")
     assert json.loads(capsys.readouterr().out)["device"]["prices"]["skip"] == 300.0
     run("doctor", "--json")
@@ -173,6 +175,35 @@ def test_commands_say_where_prices_are_from(
     run("doctor")
     told = " ".join(capsys.readouterr().out.split())
     assert "ignored, as RAYMARCH_MEASURED says" in told and kept.name in told
+
+
+def test_what_was_measured_is_a_table_with_units_and_reasons(capsys: pytest.CaptureFixture[str]) -> None:
+    stages = [partial(_yields, name, [0.9, 1.0, 1.1]) for name in measuring.MEANING]
+    made, found = measure(Fake(None), "2026-01-02", stages=stages)
+    assert {each.name for each in found} == set(measuring.MEANING) and not made.kept
+    noisy = replace(found[0], kept="too noisy: 1 to 9", value=5.0)
+    _show_prices([noisy, *found[1:]])
+    head, titles, first, second, *rest = capsys.readouterr().out.splitlines()
+    assert head == "measured prices" and titles.split() == ["measured", "interval", "class", "used", "unit"]
+    assert first.split() == [*"operation 5 0.9 to 1.1 0.05 0.05".split(), *measuring.MEANING["operation"].split()]
+    assert second.split()[:7] == "compile 1 0.9 to 1.1 1.2 1".split() and "operation: that of the class" in rest[6]
+    assert max(map(len, [titles, first, second, *rest])) <= 120
+
+
+def _yields(name: str, values: list[float], bench: Bench, prices: Prices) -> Any:
+    yield name, np.array(values)
+
+
+def test_progress_is_told_after_each_scene(egl: Context) -> None:
+    bench, shares = Bench(egl, SOFTWARE, clock=lambda draw: 1e4), list[float]()
+
+    def stage(bench: Bench, prices: Prices) -> Any:
+        for _ in range(measuring.SCENES):
+            bench.times(rm.Scene(rm.sphere()), [prices])
+        yield "skip", np.array([1.0])
+
+    measure(bench, "2026-01-02", shares.append, [stage, stage])
+    assert np.allclose(shares, [0, 1 / 6, 2 / 6, 3 / 6, 3 / 6, 4 / 6, 5 / 6, 1.0])
 
 
 def test_a_class_with_prices_goes_to_another_process_as_it_is() -> None:
