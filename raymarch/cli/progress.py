@@ -10,6 +10,8 @@ from typing import Any
 from raymarch.cli.common import errors
 from raymarch.gpu.progress import time_left
 
+LEFT = "{task.fields[left]}"
+
 QUIET = 10.0
 """Seconds between two lines of progress in a log."""
 
@@ -53,8 +55,7 @@ def bar(what: str, total: float) -> Iterator[Callable[[float], None]]:
             nonlocal update
             spent = clock_time.perf_counter() - start
             if update is None and spent > 1.0 and done < total and errors.is_interactive:
-                columns = ("{task.description}", "BarColumn", "{task.percentage:>3.0f}%", "{task.elapsed:.0f} s")
-                columns += ("{task.fields[left]}",)
+                columns = ("{task.description}", "BarColumn", "{task.percentage:>3.0f}%", "{task.elapsed:.0f} s", LEFT)
                 update = stack.enter_context(_shown(total, *columns, since=spent, description=what, left=""))
             if update is not None:
                 update(completed=done, left=time_left(spent, done / total))
