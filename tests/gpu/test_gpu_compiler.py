@@ -8,7 +8,7 @@ import pytest
 
 from raymarch.scene import load
 from tests.lab.gpu_compiler import EXAMPLES, passes_of
-from tests.support.gpu_compiler import Compiler, missing
+from tests.support.gpu_compiler import Compiler, loops_of, missing
 
 LIMITS = {
     "hello": (20, 8.0),
@@ -28,6 +28,28 @@ LIMITS = {
 }
 """For each example: the fewest waves that one unit of RDNA 2 holds of any pass, and the most kB of code, a fifth above
 what was measured with Mesa 22.3."""
+
+
+LOOP = """
+BB0:
+\tv_mov_b32_e32 v2, 0                                         ; 7e040280
+BB1:
+\ts_cmpk_lt_i32 s6, 0x200                                     ; b3860200
+\ts_cbranch_scc0 BB4                                          ; bf840001
+\ts_cbranch_execz BB3                                         ; bf880001
+BB2:
+\tv_add_f32_e32 v2, v1, v2
+\tv_add_f32_e32 v2, v1, v2
+BB3:
+\ts_branch BB1                                                ; bf820001
+BB4:
+\ts_endpgm
+"""
+
+
+def test_the_instructions_of_a_turn_are_counted() -> None:
+    assert loops_of(LOOP) == [(4, 6)]
+    assert loops_of(LOOP.replace("execz BB3", "execz BB4")) == [(6, 6)], "a way out is no turn"
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,7 @@ python -m tests.lab.gpu_compiler                   # every example, RDNA 2, Vega
 python -m tests.lab.gpu_compiler hello village     # some
 python -m tests.lab.gpu_compiler --nodes           # every node sample, too
 python -m tests.lab.gpu_compiler --family navi21   # one chip
+python -m tests.lab.gpu_compiler --loops           # the loops of hello beside those of a tracer written by hand
 
 No GPU is needed: Mesa's RADV compiles for chips that are not there. How long a frame takes it cannot say. Registers
 limit how many waves hide latency; spills and scratch are memory traffic; code beyond 32 kB leaves RDNA 2's cache.
@@ -22,6 +23,7 @@ import raymarch as rm
 from raymarch.gpu.prepare import prepare
 from raymarch.plan.device import DeviceClass, device_class
 from raymarch.scene import load
+from tests.bench import basic
 from tests.support import node_samples
 from tests.support.gpu_compiler import FAMILIES, Compiler, Statistics, missing
 
@@ -52,10 +54,22 @@ def passes_of(
     return {name: compiler.statistics(text, family) for name, text in texts.items()}
 
 
+def show_loops(compiler: Compiler, family: str) -> None:
+    """Prints the instructions of each loop of hello and of the tracer of `tests/bench`: march, then shadow."""
+    scene = load(EXAMPLES / "hello.py")
+    single = scene.replace(quality=scene.quality.replace(samples=1))
+    texts = prepare(single, ("color",), SIZE, device_class(is_software=False)).texts
+    by_hand = "#version 330 core\n#extension GL_ARB_explicit_attrib_location : enable\n" + basic.TEXT
+    print("instructions of a turn of each loop: of the shortest way, and of all blocks")
+    for name, text in {"by hand": by_hand, **{f"hello {name}": text for name, text in texts.items()}}.items():
+        print(f"{name:16} {family:9} " + "; ".join(f"{least}, {most}" for least, most in compiler.loops(text, family)))
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", help="names of examples")
     parser.add_argument("--nodes", action="store_true", help="also the samples of all nodes")
+    parser.add_argument("--loops", action="store_true", help="instructions of the loops of hello and of one by hand")
     parser.add_argument("--family", choices=FAMILIES, help="one chip")
     given = parser.parse_args()
     if lacking := missing():
@@ -65,6 +79,10 @@ def main() -> int:
     total, bad = 0.0, 0
     with tempfile.TemporaryDirectory() as folder:
         compiler = Compiler(Path(folder))
+        if given.loops:
+            for family in [given.family] if given.family else FAMILIES:
+                show_loops(compiler, family)
+            return 0
         print(f"{'pass':40} {'chip':9} {'ms':>6} registers waves spilled scratch {'kB':>6} instructions latency")
         for name, build in scenes(given.names, given.nodes):
             for family in [given.family] if given.family else FAMILIES:

@@ -67,17 +67,25 @@ class Compiler:
 
     def statistics(self, text: str, family: str) -> Statistics:
         """The statistics of a fragment shader, `#version 330 core`."""
-        module = self._module(text.replace("#version 330 core", "#version 450", 1), "frag")
-        (driver, *_) = DRIVERS.glob("radeon*.json")
-        chip = {"RADV_FORCE_FAMILY": family, "VK_ICD_FILENAMES": str(driver), "RADV_DEBUG": "nocache"}
-        environment = {**os.environ, **chip, "XDG_RUNTIME_DIR": str(self.folder)}
-        said = _run(str(self._program), str(self._vertex), str(module), *_bindings(module), environment=environment)
+        said = self._said(text, family, "nocache")
         found = {name.strip(): value for name, value in re.findall(r"([\w .-]+)=([^;\n]+)", said)}
         milliseconds = float(re.findall(r"compile_ms=(\d+)", said)[0])
         names = "VGPRs", "Subgroups per SIMD", "Spilled VGPRs", "Spilled SGPRs", "Scratch size", "Code size"
         registers, waves, *spilled, scratch, code = (int(found[name]) for name in names)
         counted = int(found.get("Instructions", 0)), int(found.get("Latency", 0))
         return Statistics(milliseconds, registers, waves, sum(spilled), scratch, code, *counted)
+
+    def loops(self, text: str, family: str) -> list[tuple[int, int]]:
+        """The loops of a fragment shader; see `loops_of`."""
+        return loops_of(max(self._said(text, family, "nocache,shaders").split("disasm:")[1:], key=len))
+
+    def _said(self, text: str, family: str, asked: str) -> str:
+        """What the program prints. asked : of the driver, RADV_DEBUG."""
+        module = self._module(text.replace("#version 330 core", "#version 450", 1), "frag")
+        (driver, *_) = DRIVERS.glob("radeon*.json")
+        chip = {"RADV_FORCE_FAMILY": family, "VK_ICD_FILENAMES": str(driver), "RADV_DEBUG": asked}
+        environment = {**os.environ, **chip, "XDG_RUNTIME_DIR": str(self.folder)}
+        return _run(str(self._program), str(self._vertex), str(module), *_bindings(module), environment=environment)
 
     def _module(self, text: str, stage: str) -> Path:
         source, module = self.folder / f"shader.{stage}", self.folder / f"{stage}.spv"
@@ -90,7 +98,34 @@ def _run(*command: str, environment: dict[str, str] | None = None) -> str:
     done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=300)
     if done.returncode:
         raise RuntimeError(f"{Path(command[0]).name}: {(done.stdout + done.stderr)[:600]}")
-    return done.stdout
+    return done.stdout + done.stderr
+
+
+def loops_of(disassembly: str) -> list[tuple[int, int]]:
+    """Of each loop, in order: the instructions of the shortest way through a turn, and of all its blocks."""
+    code: list[tuple[str, str]] = []
+    begins: dict[str, int] = {}
+    for line in disassembly.splitlines():
+        if block := re.match(r"(BB\d+):", line):
+            begins[block[1]] = len(code)
+        elif found := re.match(r"\s+((?:[vs]_|exp|image|buffer|ds_|global|scratch)\w*)([^;]*)", line):
+            target = re.search(r"BB\d+", found[2])
+            code.append((found[1], target[0] if target and "branch" in found[1] else ""))
+    return [
+        (_shortest(code, begins, begins[target], end), end + 1 - begins[target])
+        for end, (_, target) in enumerate(code)
+        if target and begins[target] <= end
+    ]
+
+
+def _shortest(code: list[tuple[str, str]], begins: dict[str, int], start: int, end: int) -> int:
+    """Fewest instructions from one to another, by branches that lead forwards."""
+    least = {end: 1}
+    for i in range(end - 1, start - 1, -1):
+        name, target = code[i]
+        ways = [*([i + 1] if name != "s_branch" else []), *([begins[target]] if target else [])]
+        least[i] = 1 + min((least[k] for k in ways if i < k <= end), default=len(code))
+    return least[start]
 
 
 def _bindings(module: Path) -> list[str]:
