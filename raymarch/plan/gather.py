@@ -95,6 +95,7 @@ class Gatherer:
         why : why fewer objects than usual are worth rows, the reason that is given; empty if they are not.
         """
         self.made = Gathered(root)
+        _ = root.facts  # of all nodes at once: what is known of an equal solid is not asked of this one again
         data, prices = self.choice == "data", self.prices
         self.least = 2 if data else prices.fewer_objects if why else prices.objects
         self.weighed = prices.by_operations and not data and not why

@@ -22,6 +22,7 @@ from raymarch.plan.objects import ObjectsInCells
 from raymarch.prices import STANDARD
 from raymarch.scene.reading import exact_distance, largest_size
 from raymarch.scene.scene import all_nodes
+from raymarch.sdf import derivation
 from raymarch.sdf.blends import REACH
 from raymarch.sdf.labels import rows_of
 from raymarch.sdf.rows import Rows
@@ -554,3 +555,17 @@ def test_gradients_and_materials_find_the_nearest_object_once():
     gradient, material = (text.split(head)[1].split("\n}\n")[0] for head in (" objects_gradient(", " material_at("))
     assert "for (" not in gradient and gradient.count("objects_found(") == 1
     assert material.count("objects_found(") == 1 and "objects(" not in material
+
+
+def test_facts_of_a_scene_that_is_made_again_are_derived_together(monkeypatch):
+    """What `remembered` knows of an equal solid asks nothing of this one; its facts were then derived node by node."""
+    asked = []
+    derive = derivation.facts_of_members
+    monkeypatch.setattr(derivation, "facts_of_members", lambda *given: asked.append(1) or derive(*given))
+    kept = []
+    for _ in range(2):
+        asked.clear()
+        balls = [rm.sphere(0.3).translate((i, 0, 0)) for i in range(64)]
+        kept.append(rm.Scene(rm.union(*balls), lights=[rm.Sun()]))
+        plan(kept[-1])
+        assert 0 < len(asked) < 8
