@@ -314,7 +314,7 @@ class Microfacets(BSDF):
 
 
 def _dielectric(values: Values) -> Expr:
-    """The weight of the diffuse part. "matte" : 0 where it is left out, as matter below the surface takes its place."""
+    """The weight of the diffuse part. "matte" : 0 where a medium below the surface takes its place."""
     dielectric = 1.0 - values["metalness"]
     return values["matte"] * dielectric if "matte" in values else dielectric
 

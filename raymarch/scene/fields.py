@@ -71,7 +71,7 @@ ALL = (
 )
 """All values. "physical" and "own" are 1 for a material that is physical, or has a BSDF of the user's own. The gradient
 "bump_gradient" perturbs the normal, and "ambient_visibility" is that of ambient light, 0 to 1. Paths set
-"exits" to 1 where light leaves matter that scattered it, and to -1 where matter replaces diffuse reflection."""
+"exits" to 1 where light leaves a medium that scattered it, and to -1 where it replaces diffuse reflection."""
 
 FIELDS = tuple(field.name for field in ALL)
 """Their names."""

@@ -1,6 +1,6 @@
 """Subsurface scattering: light enters a solid, is scattered in it, and leaves it elsewhere.
 
-The matter is homogeneous, scatters evenly in all directions, and has the index of refraction of its surroundings: the
+The medium is homogeneous, scatters evenly in all directions, and has the index of refraction of its surroundings: the
 model of OpenPBR (2024) without anisotropy. Paths walk in it at random (glsl/path/subsurface.glsl). Light enters with
 the cosine distribution of a diffuse surface and leaves with it, so that lights are sampled where it leaves, and a walk
 of no length is diffuse reflection.
@@ -34,8 +34,8 @@ def scattering_albedo(color: Expr) -> Expr:
 
 @dataclass(frozen=True)
 class Scattered(BSDF):
-    """A physical BSDF over matter that scatters light. Here the light that is scattered stays at its point: a part of
-    the diffuse reflection has the colour of the matter. Path tracing takes that part out, and walks."""
+    """A physical BSDF over a medium that scatters light. Here the light that is scattered stays at its point: a part of
+    the diffuse reflection has the colour of the medium. Path tracing takes that part out, and walks."""
 
     base: Microfacets | Coated
 
@@ -58,7 +58,7 @@ class Scattered(BSDF):
         return (self, *self.base.layers)
 
     def entry(self, values: Values, n_dot_v: Expr) -> Expr:
-        """The fraction of light in a direction that reaches the matter, a vec3. That of no scattering in `eval`."""
+        """The fraction of light in a direction that reaches the medium, a vec3. That of no scattering in `eval`."""
         passed = (1.0 - values["metalness"]) * (1.0 - albedo_f90(n_dot_v, values["roughness"]))
         if isinstance(self.base, Coated):
             passed = passed * self.base.transmittance(values, n_dot_v)
@@ -71,7 +71,7 @@ class Scattered(BSDF):
         return passed * self.base.transmittance(values, n_dot_l) if isinstance(self.base, Coated) else passed
 
     def _mixed(self, values: Values) -> Values:
-        """The values of the base: its diffuse part has the colour of the matter, or is left out where "exits" is -1."""
+        """The values of the base: its diffuse part has the colour of the medium, or is left out where "exits" is -1."""
         share = values["subsurface"] * (1.0 - values["metalness"])
         matte = where(values["exits"] < -0.5, 0.0, 1.0)
         return {**values, "color": mix(values["color"], values["subsurface_color"], share), "matte": matte}

@@ -171,7 +171,7 @@ class Reflection:
         return self._call("as_dielectric", given, made)
 
     def entry(self) -> str:
-        """The fraction of the light of the view that enters matter that scatters it; reads the variable `below`."""
+        """The fraction of the light of the view that enters a medium that scatters it; reads the variable `below`."""
         scattered = self.scattered
         assert scattered is not None
 

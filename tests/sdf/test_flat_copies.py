@@ -90,7 +90,10 @@ def placed() -> dict[str, tuple[Array, Callable[[Node, int], Node]]]:
     matrices = np.zeros((20, 3, 3))
     matrices[:, 0, 0], matrices[:, 0, 1] = np.cos(a) * f, np.sin(a) * f
     matrices[:, 1, :2], matrices[:, 2, :2], matrices[:, 2, 2] = along, at, 1.0
-    turned: Callable[[Node, int], Node] = lambda s, i: s.scale(f[i]).rotate(a[i]).translate(at[i])  # noqa: E731
+
+    def turned(s: Node, i: int) -> Node:
+        return s.scale(f[i]).rotate(a[i]).translate(at[i])
+
     return {
         "positions": (at, lambda s, i: s.translate(at[i])),
         "factors": (np.column_stack([at, f]), lambda s, i: s.scale(f[i]).translate(at[i])),

@@ -5,7 +5,7 @@ vec3 random_direction(int dimension) {
     return vec3(sqrt(max(1.0 - z * z, 0.0)) * vec2(cos(turn), sin(turn)), z);
 }
 
-// Most scatterings and leaps of a walk. On average a walk in white matter takes 15 to 20.
+// Most scatterings and leaps of a walk. On average a walk in a white medium takes 15 to 20.
 const int scattering_turns = 128;
 
 // Free distances, in mean free paths, from which a walk leaps.
@@ -14,7 +14,7 @@ const float leap_from = 4.0;
 // The same for colours that leap while others do not: the walk goes on with these, or with the others.
 const float split_from = 12.0;
 
-// Light in matter that scatters it.
+// Light in a medium that scatters it.
 struct Walk {
     vec3 color;  // albedo of a half-space
     vec3 albedo;  // of one scattering
