@@ -9,6 +9,7 @@ import pytest
 
 import raymarch as rm
 from raymarch.gpu.context import Context
+from tests.lab import spellings
 from tests.lab.spellings import Court, Spelling, Variant, disagreements, drawn, look
 
 
@@ -40,3 +41,16 @@ def test_a_spelling_that_is_another_set_is_found(court: Court, monkeypatch: pyte
     monkeypatch.setattr(Spelling, "_plane", larger)
     spec = next(s for s in map(drawn, range(60, 99)) if s.trees[0][2][0] == "plane" and "generic" in s.tags)
     assert court.verdict(spec.changed(trees=spec.trees[:1]), Variant(spelling=1)) is not None
+
+
+def test_a_scene_that_takes_too_long_is_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def slow(_court: Court, seed: int, _shrink: bool) -> str | None:
+        while seed == 4:
+            pass
+        return None
+
+    monkeypatch.setattr(spellings, "look", slow)
+    assert spellings.pictures(range(3, 6), each=0.05, shrink=False) == 0
+    assert "3 scenes, 0 pictures; 0 differ; unfinished: [4]" in capsys.readouterr().out

@@ -31,8 +31,12 @@ from raymarch.gpu import Frame, Renderer
 from raymarch.gpu.context import Context
 from tests.hard.proofs import contradicted
 from tests.lab.lit import with_less, with_plain_materials
+from tests.support.cpu_limit import LateError, cpu_limit
 
 SIZE = (48, 36)
+EVERY = 5
+"""Scenes after which a long run says how far it is."""
+
 TIME = 2.0
 """The time at which scenes are drawn; some spellings depend on it."""
 Tree = Any
@@ -1164,6 +1168,7 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--scenes", type=int, default=500)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--each", type=float, default=60.0, help="CPU seconds of a scene; it is unfinished after them")
     parser.add_argument("--no-shrink", action="store_true")
     parser.add_argument("--sets", action="store_true", help="compare signs of fields at random points, not pictures")
     given = parser.parse_args(arguments)
@@ -1174,23 +1179,39 @@ def main(arguments: list[str]) -> int:
             f"{given.scenes} scenes, {sum(n for n, _ in results)} spellings, {sum(len(f) for _, f in results)} differ"
         )
         return 1 if any(found for _, found in results) else 0
-    tags: Counter[str] = Counter()
-    failed: Counter[str] = Counter()
-    court = Court()
-    begun = time.process_time()
-    wrong = 0
-    for seed in range(given.seed, given.seed + given.scenes):
-        report = look(court, seed, not given.no_shrink)
+    return pictures(range(given.seed, given.seed + given.scenes), given.each, not given.no_shrink)
+
+
+def pictures(seeds: range, each: float, shrink: bool) -> int:
+    """Print the scenes whose pictures differ, and every few scenes how many there are. each : CPU seconds of a scene,
+    and of making it smaller."""
+    tags, failed, late = Counter[str](), Counter[str](), list[int]()
+    court, drawn_before, wrong = Court(), 0, 0
+
+    def bounded(seed: int, smaller: bool) -> str | None:
+        nonlocal court, drawn_before
+        try:
+            with cpu_limit(each):
+                return look(court, seed, smaller)
+        except LateError:
+            late.append(seed)
+            drawn_before += court.drawn
+            court = Court()
+            return None
+
+    for done, seed in enumerate(seeds, 1):
         found = drawn(seed).tags
         tags.update(found)
-        if report:
+        if report := bounded(seed, smaller=False):
             print(report, flush=True)
             wrong += 1
             failed.update(found)
-    print(
-        f"{given.scenes} scenes, {court.drawn} pictures; {wrong} differ; by tag {dict(tags)}, of which {dict(failed)}"
-    )
-    print(f"{time.process_time() - begun:.0f} s", file=sys.stderr)
+            if shrink and (report := bounded(seed, smaller=True)):
+                print(report, flush=True)
+        if done % EVERY == 0 or done == len(seeds):
+            said = f"{done} scenes, {drawn_before + court.drawn} pictures; {wrong} differ; unfinished: {late}"
+            print(f"{said}; {time.process_time():.0f} s CPU", flush=True)
+    print(f"by tag {dict(tags)}, of which {dict(failed)}")
     court.close()
     return 1 if wrong else 0
 
