@@ -297,5 +297,6 @@ def not_rendered(why: str, name: str) -> DeviceError:
     """The error for an array that is wanted too late."""
     earlier = f"access frame.{name} before"
     if name != "alpha":
-        earlier = f'render(scene, outputs=("color", "{name}")), or {earlier}'
+        outputs = '("color",)' if name == "color" else f'("color", "{name}")'
+        earlier = f"render(scene, outputs={outputs}), or {earlier}"
     return DeviceError(f"{why}, and its array '{name}' was not rendered before", legal=earlier)

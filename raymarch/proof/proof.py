@@ -306,11 +306,16 @@ def _least_beside(depth: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.lib.stride_tricks.sliding_window_view(wide, (3, 3)).min(axis=(2, 3)))
 
 
-def _bounded(size: tuple[int, int]) -> tuple[int, int]:
-    """A size whose rays and verdicts fit into memory; the renderer refuses what is no size."""
-    if np.size(size) == 2 and float(size[0]) * float(size[1]) > MOST:
+def _bounded(size: Any) -> tuple[int, int]:
+    """A size whose rays and verdicts fit into memory; the renderer refuses sides that are no whole numbers."""
+    try:
+        width, height = size
+        pixels = float(width) * float(height)
+    except (TypeError, ValueError):
+        raise SceneError(f"prove: size = {short(size)}", legal="(width, height) in pixels, such as (640, 360)") from None
+    if pixels > MOST:
         raise SceneError(f"prove: size = {short(size)}", legal=f"at most {MOST:,} pixels, which take some 6 GB")
-    return size
+    return width, height
 
 
 def _tolerance(within: Any) -> tuple[float | None, float, str]:
@@ -342,7 +347,7 @@ def _depths(frame: Any, size: tuple[int, int] | None) -> NDArray[np.float64]:
     depth = numbers("prove: depth of the frame", frame.depth, legal)
     if depth.ndim != 2 or not depth.size:
         raise SceneError(f"prove: depth of shape {depth.shape}", legal=legal)
-    if size is not None and depth.shape != tuple(size)[::-1]:
+    if size is not None and depth.shape != _bounded(size)[::-1]:
         what = f"prove: depth of {depth.shape[1]}x{depth.shape[0]} pixels for size = {short(size)}"
         raise SceneError(what, legal="no size beside a frame, or the frame's (width, height)")
     if np.isnan(depth).any() or (depth < 0.0).any():

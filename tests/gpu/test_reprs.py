@@ -75,8 +75,10 @@ def test_a_reference_is_pickled_whole() -> None:
 
 def test_a_frame_of_a_closed_renderer_says_how_to_ask() -> None:
     with rm.Renderer((16, 9)) as renderer:
-        frame = renderer.render(SCENE)
+        frame, late = renderer.render(SCENE), renderer.render(SCENE, outputs=("depth",))
     assert frame.color.shape == (9, 16, 3)
+    with pytest.raises(rm.DeviceError, match=r"'color' was not rendered.*render\(scene, outputs=\(\"color\",\)\)"):
+        late.image()
     with pytest.raises(
         rm.DeviceError, match=r"'depth' was not rendered.*render\(scene, outputs=\(\"color\", \"depth\"\)"
     ):

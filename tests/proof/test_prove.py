@@ -188,6 +188,9 @@ def test_other_bad_arguments_are_one_line() -> None:
         ({"size": (3, 2)}, r"depth of 2x2 pixels for size = \(3, 2\)"),
         ({"frame": None, "size": (16384, 16384)}, r"size = \(16384, 16384\) \(at most 16,777,216 pixels"),
         ({"frame": None, "size": (8.5, 4)}, "width = 8.5"),
+        ({"frame": None, "size": ("a", "b")}, r"size = \('a', 'b'\) \(\(width, height\)"),
+        ({"frame": None, "size": (None, None)}, r"size = \(None, None\) \(\(width, height\)"),
+        ({"size": 2}, r"size = 2 \(\(width, height\)"),
         ({"tolerance": "1e400px"}, "tolerance = '1e400px'"),
         ({"pixels": 3}, "pixels = 3"),
     ):
