@@ -6,7 +6,7 @@ import argparse
 
 import numpy as np
 
-from tests.proof.test_rounding import ONE, TWO, drawn, outside
+from tests.proof.test_rounding import ALL, drawn, outside
 
 AT_ONCE = 20_000
 
@@ -17,8 +17,8 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=1_000_000, help="arguments of each operation")
     given = parser.parse_args()
     failed = 0
-    for name in given.names or [*ONE, *TWO]:
-        rule, exact, _ = {**ONE, **TWO}[name]
+    for name in given.names or ALL:
+        rule, exact, _ = ALL[name]
         bad: list[tuple[float, ...]] = []
         tried = seed = 0
         while tried < given.count:
