@@ -312,7 +312,8 @@ def _bounded(size: Any) -> tuple[int, int]:
         width, height = size
         pixels = float(width) * float(height)
     except (TypeError, ValueError):
-        raise SceneError(f"prove: size = {short(size)}", legal="(width, height) in pixels, such as (640, 360)") from None
+        legal = "(width, height) in pixels, such as (640, 360)"
+        raise SceneError(f"prove: size = {short(size)}", legal=legal) from None
     if pixels > MOST:
         raise SceneError(f"prove: size = {short(size)}", legal=f"at most {MOST:,} pixels, which take some 6 GB")
     return width, height
