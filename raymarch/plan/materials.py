@@ -393,7 +393,7 @@ class _ManyMaterials(_Evaluated):
         self.rows = label.rows
         self.located = objects.located(self.rows)
         self.point, self.distance = self.located.point, self.located.field
-        self.row = None if self.rows.family else self.located.found
+        self.row = self.located.found
         self.single: Expr | None = None
         default = label.inherited
         labels = list(dict.fromkeys(default if m is None else m for m in self.rows.labels))

@@ -295,7 +295,7 @@ class _Lowered:
 
     def __init__(self, asked: Asked, gathered: Gathered, lowering: Lowering | None = None) -> None:
         self.gathered, self.lowering, self.prices = gathered, lowering or Lowering(), asked.prices
-        self.objects = ObjectsInCells(gathered.rows, asked.prices)
+        self.objects = ObjectsInCells(gathered.rows, asked.prices, asked.device.branches)
         self.hidden = hiding_nodes(gathered.node)
         self.hoist = Hoisting(self.lowering.origins, asked.prices)
         self.bounding = BoundedUnions(asked.scene.quality.bounding_volumes, self.hoist, asked.prices)

@@ -16,6 +16,7 @@ from raymarch.expr.operations import operations
 from raymarch.expr.walk import find
 from raymarch.plan import cells, kept_cells, lists, plan
 from raymarch.plan.cells import CUT
+from raymarch.plan.device import HARDWARE, SOFTWARE
 from raymarch.plan.explain import as_dict, show
 from raymarch.plan.gather import gather
 from raymarch.plan.objects import ObjectsInCells
@@ -547,14 +548,34 @@ def counted(node):
     return operations([found.field.body], turns=False) + operations([found.rows.forms[0].columns.field.body])
 
 
-def test_gradients_and_materials_find_the_nearest_object_once():
-    """No loop computes gradients, and the material takes its distance from what finds the row."""
+def objects_and_checks():
     checks = rm.checker((1, 0, 0), (0, 0, 1), 0.5, axis="y")
-    solid = rm.union(*objects(60, materials=True)) | rm.plane(offset=-3).material(rm.Material(color=checks))
-    text = assemble(plan(rm.Scene(solid))).text("color")
+    return rm.union(*objects(60, materials=True)) | rm.plane(offset=-3).material(rm.Material(color=checks))
+
+
+def test_gradients_and_materials_find_the_nearest_object_once():
+    """On hardware, no loop computes gradients, and the material takes its distance from what finds the row."""
+    text = assemble(plan(rm.Scene(objects_and_checks()), device=HARDWARE)).text("color")
     gradient, material = (text.split(head)[1].split("\n}\n")[0] for head in (" objects_gradient(", " material_at("))
     assert "for (" not in gradient and gradient.count("objects_found(") == 1
     assert material.count("objects_found(") == 1 and "objects(" not in material
+
+
+def test_software_finds_gradients_in_the_loop_over_distances():
+    """Where both sides of a branch are executed, the forms stand once in what is done at a hit."""
+    text = assemble(plan(rm.Scene(objects_and_checks()), device=SOFTWARE)).text("color")
+    assert "objects_found(" not in text and "for (" in text.split(" objects_gradient(")[1].split("\n}\n")[0]
+
+
+@pytest.mark.parametrize("together", [1, 8])
+def test_gradients_do_not_depend_on_the_class_of_the_device(together):
+    """Near surfaces, and where the field is a bound only, in one loop and in loops of each form."""
+    gathered = gather(rm.union(*objects(60)), "data", 0.3)
+    (rows,) = gathered.rows
+    prices = replace(STANDARD, forms_together=together)
+    made = [ObjectsInCells(gathered.rows, prices, branches).located(rows).field for branches in (False, True)]
+    software, hardware = (evaluator([companion(f)(*f.params)], f.params)(points(400, 4.0))[0] for f in made)
+    np.testing.assert_array_equal(software, hardware)
 
 
 def test_facts_of_a_scene_that_is_made_again_are_derived_together(monkeypatch):
