@@ -304,6 +304,11 @@ def padded(rows: NDArray[np.float32]) -> NDArray[np.float32]:
     return made
 
 
+def in_fog(scene: Scene) -> bool:
+    """True if the text of the fog holds the lights too, so that it draws no others."""
+    return scene.fog is not None and scene.fog.lit
+
+
 def in_cells(scene: Scene, prices: Prices = STANDARD) -> bool:
     """True if a grid of cells finds the lights that reach a point: if many are limited to a range."""
     return as_data(scene, prices) and table(scene).limited > prices.lights

@@ -61,7 +61,7 @@ class LightMemory:
 
         of : what identifies the scene: the same for all versions that differ in lights. prices : of the device.
         """
-        if not scene.lights:
+        if not scene.lights or lights.in_fog(scene):
             return None
         own = {lights.signature(light): light for light in scene.lights}
         before = self._known.pop(of, None)
@@ -84,8 +84,9 @@ class LightMemory:
         of, prices : as for `fit`.
         """
         seen = self._known.get(of)
-        written = seen is not None and not seen.live and scene.lights and not lights.as_data(scene, prices)
-        return _rows(scene, seen) if seen is not None and written else None
+        if seen is None or seen.live or not scene.lights or lights.in_fog(scene) or lights.as_data(scene, prices):
+            return None
+        return _rows(scene, seen)
 
 
 def _rows(scene: Scene, seen: _Seen) -> LiveLights:

@@ -348,7 +348,7 @@ def relit(made: Plan, scene: Scene, live: LiveLights | None) -> Plan | None:
     covered = [frozenset(map(lights.signature, each.scene.lights)) for each in (made, found)]
     same = (
         made.lights_as_data
-        and not (scene.fog is not None and scene.fog.lit)
+        and not lights.in_fog(scene)
         and covered[0] == covered[1]
         and (made.lights_in_cells, made.origin.tobytes()) == (found.lights_in_cells, origin.tobytes())
         and lights.split(made.scene) == lights.split(found.scene)

@@ -139,6 +139,13 @@ def test_random_samples_are_those_of_the_lights_alone(renderer: rm.Renderer) -> 
         np.testing.assert_allclose(picture, alone(each), rtol=0, atol=1e-5)
 
 
+def test_lights_that_went_light_no_medium(renderer: rm.Renderer) -> None:
+    """The text of a medium holds its lights."""
+    smoke = rm.Medium(0.4, ((-2, -1, -2), (2, 2, 2)), steps=4, light_steps=2)
+    for made in (scene(KINDS[3:4], fog=smoke), scene(KINDS[:3], fog=smoke), scene(points(9), fog=smoke)):
+        np.testing.assert_allclose(drawn(renderer, made)[0], alone(made), rtol=0, atol=1e-6)
+
+
 def test_textures_of_lights_are_of_one_kind_for_the_driver() -> None:
     """llvmpipe compiles a program again for the first texture whose height is a power of two, or is none."""
     for n in range(1, 70):
