@@ -34,6 +34,11 @@ ENOUGH = 1 << 21
 BLIND = 32.0
 """Length of a stretch, in tolerances, that is not halved if its enclosure and that of its centre are unbounded."""
 
+LOST = 16
+"""Stretches of a ray at whose centres the value is not known to a tolerance, such as where GLSL of your own counts: the
+ray stays open, unless these are single poles. Such stretches that follow are not halved.
+"""
+
 SLIVER = 1.0 / 8.0
 """Length of a stretch that is judged by the points around it, in tolerances."""
 
@@ -143,7 +148,7 @@ def free(
     """
     left, thin = [verdict.left], [EMPTY]
     pending, within = [work], given.within
-    stuck = np.full(len(given), np.inf)
+    stuck, lost = np.full(len(given), np.inf), np.zeros(len(given), np.int64)
     while pending:
         now = pending.pop()
         if len(now) > TOGETHER:
@@ -162,6 +167,8 @@ def free(
         in_solid = ~is_free & (at[1] < 0.0)
         stop = in_solid.copy()
         blind = ~_bounded(range_) & ~_bounded(at)
+        unknown = ~is_free & _unknown(at, within[now.rays])
+        lost += np.bincount(now.rays[unknown], minlength=len(given))
         if slivers:
             tiny = ~blind & (length <= SLIVER * within[now.rays])
             rows = np.flatnonzero(~is_free & (in_solid | tiny))
@@ -172,6 +179,7 @@ def free(
             is_free[rows] = True
         np.minimum.at(verdict.high, now.rays[in_solid], centre[in_solid])
         stop |= blind & (length <= BLIND * within[now.rays])
+        stop |= unknown & ~is_free & (lost[now.rays] > LOST)
         enough = verdict.evaluations.sum() > ENOUGH
         most = np.where(enough | (now.start > stuck[now.rays]), FEW, MOST)
         stop |= (length <= shortest[now.rays]) | (verdict.evaluations[now.rays] > most)
@@ -210,6 +218,11 @@ def _reach(value: Array, fall: Array) -> Array:
 
 def _bounded(value: Interval) -> NDArray[np.bool_]:
     return np.isfinite(value[0]) & np.isfinite(value[1])
+
+
+def _unknown(value: Interval, within: Array) -> NDArray[np.bool_]:
+    """Whether a number is not known to a tolerance, and neither is its sign."""
+    return (value[0] <= 0.0) & (value[1] >= 0.0) & (value[1] - value[0] > within)
 
 
 def _late(given: Given, thin: Stretch, free_to: Array, found: NDArray[np.bool_], verdict: Verdict) -> None:
@@ -279,12 +292,18 @@ def _around(given: Given, some: Whole, at: Array, verdict: Verdict, outside: boo
         work = given.operands.met(part, zero, zero)
         _, value, _ = given.operands.enclose(part, work, work.start)
         verdict.evaluations += np.bincount(some[owners[work.rays]], minlength=len(given))
+        unknown = work.rays[_unknown(value, given.within[some[owners[work.rays]]])]
+        doubts, operands = (np.bincount(rays, minlength=len(points)) for rays in (unknown, work.rays))
         if outside:
             low = np.full(len(points), np.inf)
             np.minimum.at(low, work.rays, value[0])
             found[owners[low > 0.0]] = True
+            nowhere = doubts > 0
         else:
             found[owners[work.rays[value[1] < 0.0]]] = True
+            nowhere = (doubts > 0) & (doubts == operands)
+        if count == FIRST:
+            possible[open_] &= ~nowhere.reshape(-1, count).all(axis=1)
     return found
 
 

@@ -40,6 +40,9 @@ SLOW = ("chess", "array", "blob", "city", "forest", "lamps", "molecule", "costly
 """Examples that take minutes; ask for them by name."""
 
 
+LONG = 10.0
+"""CPU seconds of a proof that is shown in any case."""
+
 PROMISED = "0.1px"
 """Of docs/marching.md: a hit that is contradicted at this tolerance breaks the promise."""
 
@@ -103,7 +106,7 @@ class Tally:
         self.pixels: Counter[str] = Counter()
 
     def judge(self, name: str, scene: rm.Scene) -> rm.Proof | None:
-        """The proof of a scene; a row if not all of it is proved. None if the scene is refused."""
+        """The proof of a scene; a row if not all of it is proved, or if it took long. None if the scene is refused."""
         begun, more = time.process_time(), []
         kind = "estimate" if scene.node.exactness == "estimate" else "certified"
         try:
@@ -121,7 +124,7 @@ class Tally:
             self.pixels[f"{kind} {each}"] += getattr(found, each)
         if more and at_promise:
             self.pixels[f"{kind} contradicted at {PROMISED}"] += at_promise
-        if found.share < 1.0:
+        if found.share < 1.0 or time.process_time() - begun > LONG:
             _row(name, found, begun, *more)
         return found
 

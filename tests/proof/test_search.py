@@ -76,6 +76,7 @@ def test_all_rays_together_have_a_bound(monkeypatch: pytest.MonkeyPatch) -> None
     every, zero, end = np.arange(count), np.zeros(count), np.ones(count)
     rays = Rays(np.zeros((count, 3)), np.tile([0.0, 0.0, 1.0], (count, 1)))
     given = Given(cast(Operands, Blind()), rays, zero, end, np.inf * end, 1e-9 * end, 1e-12 * end)
+    monkeypatch.setattr(search, "LOST", np.inf)
     for enough in (search.ENOUGH, 1000):
         monkeypatch.setattr(search, "ENOUGH", enough)
         verdict = Verdict.unknown(end)
@@ -83,3 +84,34 @@ def test_all_rays_together_have_a_bound(monkeypatch: pytest.MonkeyPatch) -> None
         assert (verdict.low < end).all()
         taken.append(verdict.evaluations.max())
     assert taken[0] > search.MOST and search.FEW < taken[1] < 3 * search.FEW
+
+
+class Hidden(Blind):
+    """Operands whose values are known up to the middle of a ray, and to be within bounds from there on."""
+
+    def enclose(self, _rays: Rays, at: Stretch, centre: Array) -> tuple[Interval, Interval, Interval]:
+        known = centre < 0.5
+        return (
+            (np.where(at.end < 0.5, 1.0, -1.0), np.ones(len(at))),
+            (np.where(known, 1.0, -1.0), np.ones(len(at))),
+            (
+                np.where(known, 1.0 - 9.0 / (0.5 - centre), -np.inf),
+                np.full(len(at), np.inf),
+            ),
+        )
+
+
+def test_a_ray_ends_early_where_its_field_is_not_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a few evaluations, and open from the place from which it is not known."""
+    one, zero, end = np.zeros(1, np.int64), np.zeros(1), np.ones(1)
+    given = Given(
+        cast(Operands, Hidden()), Rays(np.zeros((1, 3)), np.eye(3)[2:]), zero, end, end, 1e-4 * end, 1e-9 * end
+    )
+    taken = []
+    for lost in (search.LOST, np.inf):
+        monkeypatch.setattr(search, "LOST", lost)
+        verdict = Verdict.unknown(end)
+        search.free(given, Stretch(one, one, zero, end), end, given.shortest, verdict, slivers=False)
+        assert 0.49 < verdict.low[0] <= 0.5 and verdict.high[0] == np.inf
+        taken.append(verdict.evaluations[0])
+    assert taken[0] < 100 and taken[1] > 10 * taken[0]
