@@ -38,6 +38,7 @@ class RawFunction:
     name : name of the function. code : its GLSL, with its callees.
     twin : the same function in NumPy, from points (N, 3) to values (N,); None if there is none.
     size : length of the solid, which scales the step of its gradient.
+    lipschitz : the largest change of its value in a unit of length; inf if the user promises none.
     where : the user's line that defined it.
     """
 
@@ -45,6 +46,7 @@ class RawFunction:
     code: str
     twin: Twin | None
     size: float
+    lipschitz: float = np.inf
     where: Location | None = field(default=None, compare=False)
 
     @property
@@ -84,6 +86,11 @@ def raw(function: RawFunction, p: Operand) -> Expr:
     if point.type is not VEC3:
         raise SceneError(f"{function.name}({point.type})", legal="a vec3")
     return make("raw", FLOAT, (point,), function)
+
+
+def limit_of(function: RawFunction) -> float:
+    """The Lipschitz constant of a function that has a twin, inf if none is promised or there is no twin."""
+    return np.inf if function.twin is None else function.lipschitz
 
 
 def slope(e: Expr) -> Expr:

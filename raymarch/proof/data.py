@@ -7,14 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from raymarch.expr import hashing, samples, tables, textures
+from raymarch.expr import hashing, raw, samples, tables, textures
 from raymarch.expr.evaluate import Rule
 from raymarch.expr.node import Expr
 from raymarch.expr.types import BOOL, FLOAT, Type
 from raymarch.proof import rounding as r
 from raymarch.proof.components import jumping_slope
 from raymarch.proof.rounding import Array, Interval
-from raymarch.proof.span import Span, condition, spanned, still, without_bounds
+from raymarch.proof.span import Span, condition, now, spanned, still, without_bounds
+
+TWIN = 1e-9
+"""Error of a twin in NumPy, relative to its value and to the largest coordinate: far below a pixel."""
 
 
 def _unknown(node: Expr, *_values: Any) -> Any:
@@ -35,6 +38,29 @@ def _jump_free(given: Span, exact: Array, value: Array, otherwise: Interval) -> 
     known = np.asarray(exact)[(..., *(None,) * (np.ndim(value) - np.ndim(exact)))]
     low, high = np.where(known, value, otherwise[0]), np.where(known, value, otherwise[1])
     return Span(low, high, (low, high), None if given.slope is None else jumping_slope(low, high))
+
+
+def limited(at: Interval, slope: Interval, steepest: float) -> Span:
+    """A value that changes by at most a constant times the way of a point. slope : of the point, a vector."""
+    square: Interval = r.total(r.square(slope))
+    rise = r.up(steepest * r.root(square)[1])
+    return spanned(*without_bounds(()), at, (-rise, rise))
+
+
+def _raw(node: Expr, point: Span) -> Span:
+    """GLSL of the user, by its twin in the middle of each place and by the Lipschitz constant that is stated."""
+    function: raw.RawFunction = node.data
+    steepest = raw.limit_of(function)
+    if steepest == np.inf:
+        return _unknown_of(node.type)
+    low, high = (np.broadcast_to(end, (len(now.before), 3)) for end in point.at)
+    middle = np.nan_to_num(0.5 * low + 0.5 * high)
+    off = np.maximum(r.up(high - middle), r.up(middle - low))
+    square: Interval = r.total(r.square((off, off)))
+    value = raw.evaluate(node, middle)
+    error = r.up(steepest * r.root(square)[1]) + TWIN * (np.abs(value) + np.abs(middle).max(axis=-1))
+    at = r.outward(value - error, value + error)
+    return still(at) if point.slope is None else limited(at, point.slope, steepest)
 
 
 def _hash(node: Expr, cell: Span) -> Span:
@@ -141,7 +167,8 @@ def _texture(node: Expr, *_values: Span) -> Span:
 
 
 RULES: Mapping[str, Rule] = {
-    **dict.fromkeys(("raw", "raw_slope", "sample_slope", "sample_bend", "finite", "cell"), _unknown),
+    **dict.fromkeys(("raw_slope", "sample_slope", "sample_bend", "finite", "cell"), _unknown),
+    "raw": _raw,
     "hash": _hash,
     "fetch": _fetch,
     "sample": _sample,

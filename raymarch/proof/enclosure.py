@@ -29,10 +29,8 @@ from raymarch.expr.function import Function, Loop
 from raymarch.expr.node import Expr
 from raymarch.expr.types import BOOL
 from raymarch.proof import choices, components, data, vectors
-from raymarch.proof import rounding as r
 from raymarch.proof.loops import repeated
-from raymarch.proof.rounding import Interval
-from raymarch.proof.span import Span, condition, constant, spanned, still, without_bounds
+from raymarch.proof.span import Span, condition, constant, still
 
 RULES: Mapping[str, Rule] = {
     **components.RULES,
@@ -59,10 +57,7 @@ def _solved(program: Callable[..., Any], steepest: float, point: Span, *params: 
     if point.slope is None or any(v.slope is not None for v in params):
         return None
     at = program(still(point.at), *[still(v.at) for v in params])[0].range
-    square: Interval = r.total(r.square(point.slope))
-    rise = r.up(steepest * r.root(square)[1])
-    wide = without_bounds(())
-    return spanned(*wide, at, (-rise, rise))
+    return data.limited(at, point.slope, steepest)
 
 
 def _call(node: Expr) -> Rule:

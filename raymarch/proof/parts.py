@@ -16,6 +16,7 @@ from raymarch.expr.arrays import bound
 from raymarch.expr.evaluate import Program
 from raymarch.expr.function import Function
 from raymarch.expr.node import Expr
+from raymarch.expr.raw import limit_of
 from raymarch.expr.types import STATE
 from raymarch.expr.walk import find, topological
 from raymarch.proof.blends import Blend, Tree
@@ -286,8 +287,9 @@ def _parted(sides: Array, jumps: Array) -> Array:
 
 
 def _assumed(roots: Sequence[Node]) -> tuple[str, ...]:
-    """The shapes of the library whose field is long or solves an equation: their Lipschitz constants are assumed."""
-    found: dict[str, float] = {}
+    """What is taken from definitions: the Lipschitz constants of shapes of the library whose field is long or solves an
+    equation, and of GLSL of the user, whose twin is taken for it."""
+    found: dict[str, str] = {}
     nodes = list(topological(list(roots), lambda node: node.children))
     for rows in [rows for node in nodes if (rows := rows_of(node)) is not None]:
         nodes += [node for form in rows.forms for node in topological([form.template], lambda node: node.children)]
@@ -295,11 +297,13 @@ def _assumed(roots: Sequence[Node]) -> tuple[str, ...]:
         if node.children or rows_of(node) is not None or not node.definition.source.__module__.startswith(OURS):
             continue
         field = node.definition.template(0, node.params)
+        for function in [each.data for each in find([field.body], "raw") if limit_of(each.data) < np.inf]:
+            found[function.name] = f"its twin, and its Lipschitz constant {function.lipschitz:.3g}"
         loops = any(loop.data.until is not None for loop in find([field.body], "loop"))
         if node.facts.exactness != "estimate" and (loops or _work(field) > LONG):
             SOLVED[field] = max(node.facts.undivided, SOLVED.get(field, 0.0))
-            found[node.name] = SOLVED[field]
-    return tuple(f"{name}: its Lipschitz constant {value:.3g}" for name, value in sorted(found.items()))
+            found[node.name] = f"its Lipschitz constant {SOLVED[field]:.3g}"
+    return tuple(f"{name}: {what}" for name, what in sorted(found.items()))
 
 
 def _work(field: Function) -> int:

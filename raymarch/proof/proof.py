@@ -59,7 +59,8 @@ class Proof:
         user's definitions, and all if a pixel is contradicted. They are sought when this is first read.
     coverage : with `pixels="whole"`, two arrays (H, W), 0 to 1: the least and the greatest part of each pixel that the
         solid covers; else None.
-    assumed : constants of definitions that the proof relies on: those of shapes that solve an equation in a loop.
+    assumed : what the proof takes from definitions: the constants of shapes that solve an equation in a loop, and of
+        `glsl_node`, whose twin is taken for its GLSL.
     shadows : with `shadows=True`, what is proved about each light with a hard shadow.
     """
 

@@ -45,15 +45,18 @@ def _waves(points: NDArray[Any]) -> NDArray[Any]:
     return y - 0.2 * np.sin(2.0 * x) * np.cos(1.5 * z)
 
 
+STEEPEST = float(np.sqrt(1.0 + 0.4**2))
+
 WAVES = RawField(
     RawFunction(
         "raw_waves",
         "float raw_waves(vec3 p) {\n    return p.y - 0.2 * sin(2.0 * p.x) * cos(1.5 * p.z);\n}",
         _waves,
         1.0,
+        STEEPEST,
     ),
     "bound",
-    float(np.sqrt(1.0 + 0.4**2)),
+    STEEPEST,
     (-np.inf, -np.inf, -np.inf),
     (np.inf, 0.2, np.inf),
 )
@@ -125,5 +128,6 @@ def glsl_node(
     lower, upper = corners_of("glsl_node: bounds", everywhere if bounds is None else bounds, legal)
     edges = upper - lower
     size = float(np.max(edges[np.isfinite(edges)], initial=0.0)) or 1.0
-    function = RawFunction(name, code.strip("\n"), twin, size, user_location())
+    steepest = np.inf if exactness == "estimate" else float(lipschitz)
+    function = RawFunction(name, code.strip("\n"), twin, size, steepest, user_location())
     return raw_field(RawField(function, exactness, float(lipschitz), tuple(lower.tolist()), tuple(upper.tolist())))

@@ -13,6 +13,7 @@ from raymarch.expr.arrays import evaluator
 from raymarch.expr.evaluate import Program
 from raymarch.expr.function import loop
 from raymarch.expr.node import Expr, var
+from raymarch.expr.raw import RawFunction, raw
 from raymarch.expr.types import VEC3
 from raymarch.expr.walk import find
 from raymarch.proof.enclosure import ENCLOSURES
@@ -109,6 +110,19 @@ def test_newtons_method_is_narrow_where_two_roots_coincide() -> None:
     value = tube.distance(places)
     assert np.all((low <= value + 1e-14) & (value <= high + 1e-14))
     assert np.max(high - low) < 1e-4
+
+
+def test_boxes_of_glsl_of_the_user_hold_the_values_of_its_twin() -> None:
+    x = var("x", VEC3)
+    waves = raw(RawFunction("waves", "", lambda p: np.sin(3.0 * p[:, 0]) * p[:, 1], 1.0, 7.0), x)
+    random = np.random.default_rng(5)
+    middle, half = random.uniform(-2.0, 2.0, (200, 3)), 10.0 ** random.uniform(-9.0, -0.3, (200, 1))
+    with stretches(np.zeros(200), np.zeros(200)):
+        found: Span = Program([waves], [x], ENCLOSURES)(still((middle - half, middle + half)))[0]
+    points = middle + half * random.uniform(-1.0, 1.0, (500, 1, 3))
+    values = evaluator([waves], [x])(points.reshape(-1, 3))[0].reshape(500, 200)
+    assert np.all((found.low <= values) & (values <= found.high))
+    assert np.all(found.high - found.low < 2.01 * 7.0 * 3.0**0.5 * half[:, 0] + 1e-7)
 
 
 @pytest.mark.parametrize("limit", [1e-3, 0.3, 9.0])

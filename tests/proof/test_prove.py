@@ -248,6 +248,19 @@ def test_what_keeps_pixels_open_is_named() -> None:
     solid = rm.glsl_node(code, "bumpy", bounds=((-1, -1, -1), (1, 1, 1)), twin=lambda p: np.linalg.norm(p, axis=1) - 1)
     found = rm.prove(rm.Scene(solid, camera=rm.Camera((0, 0, 4))), size=SIZE)
     assert found.open > 0 and any("GLSL of your own" in reason for reason in found.reasons)
+    assert found.assumed == ()
+
+
+@pytest.mark.parametrize("radius, wrong", [(1.0, False), (1.02, True)])
+def test_glsl_of_the_user_is_proved_by_its_twin(radius: float, wrong: bool) -> None:
+    """And by the constant that the user states. The proof names both; a twin with other values is contradicted."""
+    code = "float bumpy(vec3 p) { return 2.0 * (length(p) - 1.0); }"
+    box = ((-1, -1, -1), (1, 1, 1))
+    solid = rm.glsl_node(code, "bumpy", "exact", 2.0, box, lambda p: 2.0 * (np.linalg.norm(p, axis=1) - radius))
+    for node in (solid, solid.twist(0.5) ^ rm.cone()):
+        found = rm.prove(rm.Scene(node, camera=rm.Camera((0.5, 1, 4))), size=SIZE)
+        assert found.assumed == ("bumpy: its twin, and its Lipschitz constant 2",)
+        assert found.contradicted > 100 if wrong else found.share == 1.0
 
 
 def test_a_choice_by_a_distance_of_exactly_0() -> None:
