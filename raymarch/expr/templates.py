@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from raymarch.expr import hashing
+from raymarch.expr.alike import Rows
 from raymarch.expr.node import Expr, const, make
 from raymarch.expr.pieces import (
     AND,
@@ -27,7 +28,6 @@ from raymarch.expr.pieces import (
     wrap,
 )
 from raymarch.expr.raw import RawFunction, slope_text
-from raymarch.expr.rolled import Rows
 from raymarch.expr.samples import glsl_helper as samples_helper
 from raymarch.expr.tables import glsl_helper as table_helper
 from raymarch.expr.textures import atlas_helper, glsl_helper, helper_of
@@ -244,6 +244,8 @@ def _neighbours_joined(node: Expr, pieces: Sequence[Piece]) -> tuple[list[Piece]
 def _construct(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
     if node.args.count(node.args[0]) == len(node.args) and node.args[0].type is FLOAT:
         return call_text(node.type.name, pieces[:1], node.args[:1])
+    if node.type.is_matrix:
+        return call_text(node.type.name, pieces, node.args)
     joined, sources = _neighbours_joined(node, pieces)
     if len(joined) == 1 and sources[0].op == "swizzle":
         return joined[0]
@@ -310,11 +312,12 @@ def _texture_in_atlas(printer: FunctionPrinter, node: Expr, pieces: Sequence[Pie
 
 
 def _fetch(printer: FunctionPrinter, node: Expr, pieces: Sequence[Piece]) -> Piece:
-    """A texel of a table, or of an array of constants by the counter of a loop."""
+    """A texel of a table, or of an array of constants."""
     if isinstance(node.data, Rows):
         printer.helpers[node.data.name, ""] = node.data.declaration
         counter = pieces[0].text.removeprefix("float(").removesuffix(")")
-        return Piece(f"{node.data.name}[{counter}]", POSTFIX, 0)
+        number = counter if counter.isidentifier() and counter != pieces[0].text else f"int({pieces[0].text})"
+        return Piece(f"{node.data.name}[{number}]", POSTFIX, 0)
     constant = node.data.name in printer.text.constants
     name, text = table_helper(node.data.channels, constant)
     printer.helpers[name, str(constant)] = text
