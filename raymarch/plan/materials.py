@@ -17,7 +17,7 @@ from raymarch.expr.vocabulary import abs, get, normalize, parts_of, record, wher
 from raymarch.expr.walk import find, free_variables, rebuild, rewrite, substitute
 from raymarch.plan.bounding import BoundedUnion
 from raymarch.plan.hoisting import Hoisting
-from raymarch.plan.mixing import Palette, RowMaterial, blended, chosen_by, largest, read_where
+from raymarch.plan.mixing import Palette, RowMaterial, blended, chosen_by, largest, read_where, same_constants, whole
 from raymarch.plan.objects import Many, ObjectsInCells, only_slot, with_rows
 from raymarch.plan.shading import has_relief, mapped, needs_surface, patterned
 from raymarch.scene.bsdf import BSDF, Phong
@@ -397,14 +397,14 @@ class _ManyMaterials(_Evaluated):
         self.single: Expr | None = None
         default = label.inherited
         labels = list(dict.fromkeys(default if m is None else m for m in self.rows.labels))
-        materials = [default if m is None else m for m in self.rows.materials]
+        self.slots = [only_slot(form.template) for form in self.rows.forms]
+        materials = self.rows.materials_in(self.slots, default)
         index = {material: i for i, material in enumerate(parts.scene.materials)}
         if len(labels) == 1 and not labels[0].patterned and not labels[0].textured:
             self.single = parts._wanted(labels[0], labels[0].expressions, wanted)
             return
         numbers = [index.get(m, 0) for m in materials]
         palette = Palette([m.expressions for m in materials], numbers) if len(materials) > 1 else None
-        self.slots = [only_slot(form.template) for form in self.rows.forms]
         self.common = palette if all(slot is not None for slot in self.slots) else None
         if self.common is not None and not label.rows.family:
             return
@@ -465,11 +465,14 @@ class _ManyMaterials(_Evaluated):
         return distance, slope, stored.choose(entry, found)
 
     def _blended(self, p: Expr, at: Expr) -> tuple[Expr, Expr, Expr]:
-        """The same for a blend: the mean of what is wanted."""
+        """The same for a blend: the mean of what is wanted. What is the same constant for all objects is not summed."""
+        bodies = [function.body for function in self.functions]
+        same = same_constants(bodies) if self.wanted is not None else {}
 
         def carried(i: int, _entry: Expr, pair: tuple[Expr, Expr], read: Sequence[Expr]) -> Sequence[Expr]:
-            value = self.functions[i](p, at, *read, *_interaction_in(self.functions[i].body))
-            return (pair[1], *([value, const(1.0)] if self.wanted is None else parts_of(value)))
+            value = self.functions[i](p, at, *read, *_interaction_in(bodies[i]))
+            mixed = [part for k, part in enumerate(parts_of(value)) if k not in same]
+            return (pair[1], *([value, const(1.0)] if self.wanted is None else mixed))
 
         def larger(wa: Expr, wb: Expr, left: Sequence[Expr], right: Sequence[Expr]) -> Sequence[Expr]:
             slope = wa * left[0] + wb * right[0]
@@ -482,8 +485,7 @@ class _ManyMaterials(_Evaluated):
         distance, slope, *values = located.walk(located.place, p, carried, mixed)
         if self.wanted is None:
             return distance, slope, values[0]
-        type = self.functions[0].type
-        return distance, slope, record(type, *values) if type.fields else values[0]
+        return distance, slope, whole(self.functions[0].type, values, same)
 
 
 def _interaction_in(value: Expr) -> list[Expr]:

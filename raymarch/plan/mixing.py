@@ -14,7 +14,7 @@ from raymarch.expr.derivative import share_values
 from raymarch.expr.function import Function, loop
 from raymarch.expr.node import Expr, const, var
 from raymarch.expr.tables import Table, fetch
-from raymarch.expr.types import FLOAT, struct
+from raymarch.expr.types import FLOAT, Type, struct
 from raymarch.expr.vocabulary import get, parts_of, record, where
 from raymarch.expr.walk import find, free_variables, rebuild, rewrite
 from raymarch.sdf.columns import Packing
@@ -169,3 +169,18 @@ def read_where(values: Sequence[Expr], weight: Expr) -> Sequence[Expr]:
 
     new = rewrite(values, rule)
     return [new[value] for value in values]
+
+
+def same_constants(values: Sequence[Expr]) -> dict[int, Expr]:
+    """The parts of structs that are one constant in all, by their place."""
+    if any(value.op != "record" for value in values):
+        return {}
+    columns = enumerate(zip(*[value.args for value in values], strict=True))
+    return {k: parts[0] for k, parts in columns if parts[0].op == "const" and len(set(parts)) == 1}
+
+
+def whole(type: Type, values: Sequence[Expr], same: Mapping[int, Expr]) -> Expr:
+    """The value whose parts are some values and, at their places, some constants."""
+    rest = iter(values)
+    parts = [same[k] if k in same else next(rest) for k in range(max(len(type.fields), 1))]
+    return record(type, *parts) if type.fields else parts[0]

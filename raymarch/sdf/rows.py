@@ -183,6 +183,17 @@ class Rows:
         made: Rows = make(relabelled(node, change), transforms, materials)
         return made
 
+    def materials_in(self, slots: Sequence[int | None], inherited: Any) -> list[Any]:
+        """The materials by their index, with one that some object has in place of those that none has.
+
+        slots : of each form, the slot that all its parts have, or None. inherited : in place of None.
+        """
+        pairs = zip(self.forms, slots, strict=True)
+        columns = [form.slots if slot is None else form.slots[:, slot] for form, slot in pairs]
+        used = {int(k) for column in columns for k in np.unique(column)}
+        chosen = [self.materials[k if k in used else min(used)] for k in range(len(self.materials))]
+        return [inherited if material is None else material for material in chosen]
+
     def __repr__(self) -> str:
         return f"Rows({len(self)})"
 
