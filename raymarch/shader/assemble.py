@@ -38,7 +38,7 @@ from raymarch.shader import kinds, tally
 from raymarch.shader.bounds import marched_range, scene_box, scene_cone
 from raymarch.shader.chunk import Chunk, Mapped, Values
 from raymarch.shader.fog import sky_light
-from raymarch.shader.lights import light_rows
+from raymarch.shader.light_rows import light_rows
 from raymarch.shader.link import link, module
 from raymarch.shader.shade import shading
 from raymarch.shader.standalone import Setup

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
+from raymarch.expr.branches import UNSEEN
 from raymarch.expr.function import Function
 from raymarch.expr.node import Expr
 from raymarch.expr.pieces import literal
@@ -28,8 +29,9 @@ from raymarch.scene.light import (
 from raymarch.scene.scene import Scene
 from raymarch.scene.surfaces import samples_both
 from raymarch.shader.bsdf import Reflection
-from raymarch.shader.chunk import Chunk, Lines, Mapped, Values
+from raymarch.shader.chunk import Lines, Values
 from raymarch.shader.kinds import shadow_function
+from raymarch.shader.light_rows import texel_of
 
 MOST = 1 << 16
 """More than the rows of any texture. A loop that ends by itself has this end, which takes less time than one that is
@@ -57,6 +59,8 @@ def all_lights(text: Lines, plan: Plan, values: Values, reflection: Reflection) 
         by, where = type(light).__name__, light.where
         if _before_others(plan):
             name = f"light_{i}" if len(plan.scene.lights) > 1 else "light"
+            again = _sampled_again(i, light, values, plan)
+            text.add(*[f"    Light {name} = {again};"] * bool(again), by=by, where=where)
             text.add(f"    color += {reflection.light(f'visibility_{i}', name)};", by=by, where=where)
         else:
             _light(text, i, light, values, plan, reflection)
@@ -92,7 +96,7 @@ def _light(
         return values.text(f"light_{i}_{name}", of, where)
 
     form, shadow = lights.table(scene).forms[lights.key(light)], lights.shadow_of(light)
-    given = [value(name, of) for name, of in light.emitter_values().items()]
+    given = _emitter_values(i, light, values)
     radius, cut, width = light.shadow_radius, light.cut_by_horizon, ""
     if light.soft or cut:
         width = value("softness", light.disc_width) + " / light.distance" * light.has_position
@@ -115,7 +119,7 @@ def _light(
     if apart:
         lines, visibility = made.before()
         lines += [f"float visibility_{i} = {visibility};"]
-        lines += [f"Light light_{i} = light;"] * (len(scene.lights) > 1)
+        lines += [f"Light light_{i} = light;"] * (len(scene.lights) > 1 and not _sampled_again(i, light, values, plan))
     else:
         lines = made.lines()
     if plan.lights_split and lights.samples_of(scene, light) == 1:
@@ -123,6 +127,20 @@ def _light(
     if i == 0:
         lines[:1] = [f"Light {lines[0]}"] if lines[0].startswith("light = ") else ["Light light;", lines[0]]
     text.add(*(f"    {line}" for line in lines), by=by, where=where)
+
+
+def _emitter_values(i: int, light: Light, values: Values) -> list[str]:
+    return [values.text(f"light_{i}_{name}", of, light.where) for name, of in light.emitter_values().items()]
+
+
+def _sampled_again(i: int, light: Light, values: Values, plan: Plan) -> str:
+    """The call that samples a light after all shadows, at a point that compilers do not know to be the same, so that
+    they do not keep it during the marches. "" for a light that is kept."""
+    form = lights.table(plan.scene).forms[lights.key(light)]
+    known = POINT in form.function.params and SAMPLE not in form.function.params and not light.cut_by_horizon
+    if len(plan.scene.lights) == 1 or not known or not plan.device.branches or lights.shadow_of(light) == "sampled":
+        return ""
+    return _sample(form, _emitter_values(i, light, values), "0").replace("surface.p", f"surface.p + {UNSEEN.data}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -299,11 +317,12 @@ def visible_light(text: Lines, plan: Plan, values: Values) -> None:
     if plan.lights_as_data:
         text.add(f"    {_count(plan)}", "    for (int i = 0; i < light_count; i++) {")
         if table.headed:
-            text.add(f"        vec4 head = {_texel(plan, 0)};")
+            text.add(f"        vec4 head = {texel_of(plan, 0)};")
         for k, form in enumerate(table.forms.values()):
             if form.ray is not None:
                 values.functions.append(form.ray)
-                given = [f"{_texel(plan, texel + table.headed)}.{parts}" for texel, parts in lights.layout(form.types)]
+                places = lights.layout(form.types)
+                given = [f"{texel_of(plan, at + table.headed)}.{parts}" for at, parts in places]
                 text.add(f"        if (head.x == {float(k)}) {{" if table.headed else "        {", by=by, where=where)
                 text.add(f"            met = {_on_ray(form, given)};", *(f"            {line}" for line in keep))
                 text.add("        }")
@@ -312,7 +331,7 @@ def visible_light(text: Lines, plan: Plan, values: Values) -> None:
         form = table.forms[lights.key(light)]
         if form.ray is not None:
             values.functions += [form.ray] * (form.ray not in values.functions)
-            given = [values.text(f"light_{i}_{name}", of, light.where) for name, of in light.emitter_values().items()]
+            given = _emitter_values(i, light, values)
             text.add(f"    met = {_on_ray(form, given)};", *(f"    {line}" for line in keep), by=by, where=light.where)
     text.add("    return nearest;", "}", "")
 
@@ -392,9 +411,9 @@ def _loop(text: Lines, plan: Plan, reflection: Reflection) -> None:
     ending = plan.lights_split or plan.lights_in_cells
     lines = []
     if table.headed:
-        lines.append(f"vec4 head = {_texel(plan, 0)};  // form, kind of shadow, softness, shadow radius")
+        lines.append(f"vec4 head = {texel_of(plan, 0)};  // form, kind of shadow, softness, shadow radius")
     for k in range(table.texels - table.headed):
-        lines.append(f"vec4 value_{k} = {_texel(plan, k + table.headed)};")
+        lines.append(f"vec4 value_{k} = {texel_of(plan, k + table.headed)};")
     lines += ["Light light;", *_Estimator(plan, reflection, _rows(plan, ending)).lines()]
     if ending:
         lines.append("if (ends) break;")
@@ -478,20 +497,3 @@ def _width_of_row(scene: Scene) -> str:
     if not far:
         return "head.z / light.distance"
     return "head.z" if len(far) == len(positioned) else f"head.z / ({' || '.join(far)} ? 1.0 : light.distance)"
-
-
-def _texel(plan: Plan, k: int) -> str:
-    """Texel k of the row of light i."""
-    return f"light_texel({k}, i)" if plan.standalone else f"texelFetch(u_lights, ivec2({k}, i), 0)"
-
-
-def light_rows(plan: Plan, constant: bool = False) -> Chunk:
-    """The texture with the values of all lights. constant : an array is declared in its place."""
-    by = "the scene's lights"
-    lines = [Mapped.declare("sampler2D", "u_lights", by, note="one row per light")]
-    if plan.standalone:
-        read = f"u_lights[light * {lights.table(plan.scene).texels} + texel]"
-        read = read if constant else "texelFetch(u_lights, ivec2(texel, light), 0)"
-        body = ["vec4 light_texel(int texel, int light) {", f"    return {read};", "}"]
-        lines += [Mapped(line, by) for line in ["", *body]]
-    return Chunk.of("light rows", lines)

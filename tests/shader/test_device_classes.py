@@ -44,8 +44,10 @@ GLASS = rm.Scene(
     quality=rm.Quality(integrator="whitted"),
 )
 
+LAMPS = [rm.PointLight((x, 2, 1), shadow=True, radius=0.1) for x in (-1, 1)]
 
-@pytest.mark.parametrize("scene", [SCENE, GLASS], ids=["union", "tree of rays"])
+
+@pytest.mark.parametrize("scene", [SCENE, GLASS, SCENE.replace(lights=LAMPS)], ids=["union", "tree of rays", "lamps"])
 def test_pictures_of_both_classes_are_the_same_on_a_software_driver(scene, monkeypatch):
     drawn = []
     for name in ("software", "hardware"):
@@ -88,6 +90,13 @@ def test_functions_of_the_march_have_no_branches(village):
 def test_no_ray_of_a_tree_waits_in_an_array_on_hardware():
     texts = {device: prepare(GLASS, device=device).texts["color"] for device in (SOFTWARE, HARDWARE)}
     assert "Branch waiting[4]" in texts[SOFTWARE] and "Branch waiting" not in texts[HARDWARE]
+
+
+def test_lights_are_not_kept_while_shadows_are_traced():
+    texts = {d: prepare(SCENE.replace(lights=LAMPS), device=d).texts["color"] for d in (SOFTWARE, HARDWARE)}
+    again = re.findall(r"Light (light_\d) = \w+\(surface.p \+ u_unseen", texts[HARDWARE])
+    kept = {device: text.count(" = light;") for device, text in texts.items()}
+    assert again == ["light_0", "light_1"] and kept == {SOFTWARE: 2, HARDWARE: 0}
 
 
 def part_at(ready):
