@@ -18,7 +18,9 @@ LIMITS = {
     "papers/lights": (10, 16.0),
     "mandelbulb": (16, 16.0),
     "papers/smoothing": (10, 12.0),  # 12 with steps of values alone in soft shadows, at 3 times the evaluations
-    "village": (8, 47.0),
+    "village": (16, 39.0),
+    "papers/array": (16, 61.0),
+    "showcase/lanterns": (10, 39.0),
     "papers/glass": (10, 17.5),
     "papers/ray_tree": (8, 19.0),
     "primitives": (18, 20.5),

@@ -21,7 +21,8 @@ from raymarch.plan.device import HARDWARE
 from raymarch.scene.file import load
 from raymarch.scene.scene import as_scene
 
-EXAMPLES = ("examples/showcase/chess.py", "examples/showcase/lanterns.py")
+NAMES = "showcase/chess", "showcase/lanterns", "village", "papers/array"
+EXAMPLES = [f"examples/{name}.py" for name in NAMES]
 
 
 def drawn(file: str, size: tuple[int, int], rolls: bool) -> tuple[np.ndarray, np.ndarray]:
