@@ -62,11 +62,12 @@ class Reading:
     """One reading of an expression along a stretch of length w.
 
     exact : False reduces polynomials to two coefficients and a range, as other functions. smooth : False uses slopes
-    alone. Both are for comparison.
+    alone. Both are for comparison. limited : True if a function with limits of its own was read, such as noise.
     """
 
     def __init__(self, w: Expr, exact: bool = True, smooth: bool = True) -> None:
         self.w, self.exact, self.smooth = w, exact, smooth
+        self.limited = False
 
     # A value and its range
 

@@ -273,7 +273,7 @@ def _limited(r: Reading, definition: Function, q: Sequence[Series], *more: Serie
     Along a straight line, the parabola of its slope at the start and its bend; else its steepest slope. Where these
     leave its range within the stretch, the range.
     """
-    limits = definition.stated.limits
+    r.limited, limits = True, definition.stated.limits
     here = construct(*[part.c[0] for part in q])
     rest = [part.c[0] for part in more]
     straight = r.smooth and all(part.exact and len(part.c) <= 2 for part in q) and all(part.still for part in more)

@@ -238,7 +238,7 @@ def _enters(scene: Scene) -> bool:
 def _all_free(scene: Scene, advancing: Callable[[], Function] | None) -> bool:
     """True if every solid tells how far a ray is free, up to its surface: no step is undone, and no hit is refined."""
     ends = refined(scene) and scene.quality.refinement == "proven" and not cut(scene)
-    if advancing is None or not ends or _enters(scene) or implicit_nodes(scene.node):
+    if advancing is None or not ends or _enters(scene):
         return False
     try:
         advancing()

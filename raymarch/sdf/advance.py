@@ -28,6 +28,7 @@ from raymarch.expr.walk import depends_on, find, rebuild, run, substitute, topol
 from raymarch.sdf.asked import Ask, Piece, Scope, in_box, in_pieces
 from raymarch.sdf.convexity import hull_of, is_concave_fold, is_convex, known_parts
 from raymarch.sdf.facts import FARTHEST
+from raymarch.sdf.implicit import cut_by_box
 from raymarch.sdf.intersections import interval_of_ray
 from raymarch.sdf.labels import operands_of, rows_of
 from raymarch.sdf.lower import Lowering
@@ -106,7 +107,7 @@ class Advancing:
             return Function(name, (p, d, level, growth), const((FARTHEST, FARTHEST)))
         self._roots.append(root)
         found = run(Ask(root, p, d, level, growth), self._node, lambda ask: ask.key, {})
-        return Function(name, (p, d, level, growth), vec2(found.value, found.ahead(level, growth)), where=root.where)
+        return Function(name, (p, d, level, growth), vec2(found.value, found.whole(level, growth)), where=root.where)
 
     # Nodes
 
@@ -150,9 +151,11 @@ class Advancing:
             template = reading_of(node.definition.template(0, node.params), ask.undivided)
             pair = along(template)(ask.point, ask.direction, *values_of(node))
             return self._tangent(ask, self._divided_value(ask, pair))
-        if (way := _way_on_stretch(ask)) is not None:
+        if is_implicit(node) and (known := _on_stretch(ask)) is not None:
+            return known.beside(Line(known.value, -ask.steepest))
+        if node.definition.name == "terrain" and not ask.negated:
             made = self._by_constant(ask, self._field(ask)(ask.point))
-            return in_box(ask, Reading(made.value, made.line, way).beside(made.line))
+            return in_box(ask, Reading(made.value, made.line, _over_heights(ask)).beside(made.line))
         hull = None if ask.negated else hull_of(node)
         if hull is None or self.wholly:
             return self._whole(ask)
@@ -301,7 +304,7 @@ class Advancing:
         if len(both) == 2:
             return intersection_of(value, *both)
         scope.whole = False
-        return replace(both[0], value=value, straight=False) if both else None
+        return replace(both[0], value=value, straight=False, signed=None) if both else None
 
     def _with_number(self, scope: Scope, part: Expr, negated: bool) -> Part:
         """A part plus a number, or times one that is not negative."""
@@ -367,21 +370,45 @@ def readable(root: Node) -> bool:
     return root.facts.exactness != "estimate" and depth <= DEEPEST
 
 
-def _way_on_stretch(ask: Ask) -> Ahead | None:
-    """The advance of an implicit surface or a height map on the stretch that is looked at; None for other nodes."""
+def _over_heights(ask: Ask) -> Ahead:
+    """The advance of a height map on the stretch that is looked at."""
     params = ask.node.params
-    if ask.node.definition.name == "terrain" and not ask.negated:
-        over, unit = free_over(params["data"]), ONE if ask.undivided else const(ask.node.facts.divisor)
-        size, height = params["size"], params["height"]
-        return lambda *at: over(ask.point, ask.direction, vec2(*at) * unit, size, height, STRETCH)
-    if not is_implicit(ask.node):
+    over, unit = free_over(params["data"]), ONE if ask.undivided else const(ask.node.facts.divisor)
+    size, height = params["size"], params["height"]
+    return lambda *at: over(ask.point, ask.direction, vec2(*at) * unit, size, height, STRETCH)
+
+
+def _on_stretch(ask: Ask) -> Reading | None:
+    """The reading of an implicit surface on the stretch that is looked at; None if nothing is known of its function."""
+    function, lower, upper, *numbers = (ask.node.params[name] for name in IMPLICIT)
+    _, unit, steepest = numbers
+    if free_way(function, ask.negated) is None:
         return None
-    free = free_way(params["function"], ask.negated)
-    if free is None:
-        return None
-    lower, upper, *numbers = (params[name] for name in ("lower", "upper", "level", "unit", "steepest"))
-    scales = vec3(*numbers)
-    return lambda *at: free(ask.point, ask.direction, lower, upper, vec2(*at), scales, STRETCH)
+    side = -1.0 if ask.negated else 1.0
+
+    def both(level: Expr, growth: Expr) -> Expr:
+        free = free_way(function, ask.negated, _is_times(level, ask.level))
+        assert free is not None
+        return free(ask.point, ask.direction, lower, upper, vec2(level, growth), vec3(*numbers), STRETCH)
+
+    def signed(level: Expr, growth: Expr) -> Expr:
+        return side * both(level, growth).y
+
+    def ahead(level: Expr, growth: Expr) -> Expr:
+        return max(signed(level, growth), 0.0) if _is_times(level, ask.level) else both(level, growth).y
+
+    here = both(ask.level, ask.growth).x / (unit if ask.undivided else max(unit, steepest))
+    value = side * cut_by_box(ask.point, here, lower, upper)
+    return Reading(value, Line(value, -ask.steepest), ahead, signed=signed)
+
+
+IMPLICIT = ("function", "lower", "upper", "level", "unit", "steepest")
+"""Parameters of an implicit surface."""
+
+
+def _is_times(level: Expr, own: Expr) -> bool:
+    """True for a level, or its product with numbers."""
+    return level is own or (level.op in ("mul", "div") and any(_is_times(arg, own) for arg in level.args))
 
 
 def _read(template: Function, undivided: bool) -> Expr:

@@ -64,12 +64,17 @@ def implicit_solid(
     certain: Certain = True,
 ) -> Expr:
     """Solid where a function of the point is below a level, cut by a box."""
-    inside = clamp(p, lower, upper)
-    value = function(inside) - level
+    value = function(clamp(p, lower, upper)) - level
+    unit_value, bound = (cut_by_box(p, value / scale, lower, upper) for scale in (unit, max(unit, steepest)))
+    return with_bound(unit_value, bound)
+
+
+def cut_by_box(p: Expr, value: Expr, lower: Operand, upper: Operand) -> Expr:
+    """The field of the part in a box of a solid whose field is `value` at the point of the box that is nearest to p."""
     beyond = max(lower - p, p - upper)
     nearest = max(beyond, 0.0)
     box = length(nearest) + min(max(beyond.x, max(beyond.y, beyond.z)), 0.0)
-    return with_bound(max(value / unit, box), max(value / max(unit, steepest), box))
+    return max(value, box)
 
 
 LEGAL = "a function from a point to a number, negative inside, of functions of raymarch, such as rm.sin(p.x) + p.y"

@@ -45,6 +45,7 @@ class Reading:
     straight : True if nothing but lines is known below the field.
     curve : for a smooth minimum, a concave function of the way s below the field, in place of the line.
     first : for that, the way to where the first of the operands' lines meets the level.
+    signed : the advance, and inside of the solid, where -f > level + growth s up to s = a, -a; for a level >= 0.
     """
 
     value: Expr
@@ -53,6 +54,12 @@ class Reading:
     straight: bool = False
     curve: Callable[[Expr], Expr] | None = None
     first: Ahead | None = None
+    signed: Ahead | None = None
+
+    @property
+    def whole(self) -> Ahead:
+        """The advance, with its sign where that is known."""
+        return self.ahead if self.signed is None else self.signed
 
     def below(self, s: Expr) -> Expr:
         """A concave function of the way s that is nowhere above the field."""
@@ -88,11 +95,22 @@ class Reading:
             self.straight,
             lambda s: self.below(s) * factor,
             lambda level, growth: self.meets(level / factor, growth / factor),
+            self.signed and (lambda level, growth: self.whole(level / factor, growth / factor)),
         )
 
     def beside(self, line: Line) -> Reading:
         """The same, where a further line lies below the value."""
-        return Reading(self.value, self.line, lambda *at: max(self.ahead(*at), line.way(*at)))
+
+        def signed(level: Expr, growth: Expr) -> Expr:
+            way = self.whole(level, growth)
+            return where(way < 0.0, way, max(way, line.way(level, growth)))
+
+        return Reading(
+            self.value,
+            self.line,
+            lambda *at: max(self.ahead(*at), line.way(*at)),
+            signed=self.signed and signed,
+        )
 
 
 def of_line(value: Expr, line: Line) -> Reading:
@@ -103,14 +121,26 @@ def of_line(value: Expr, line: Line) -> Reading:
 def union_of(value: Expr, a: Reading, b: Reading) -> Reading:
     """The reading of the smaller value."""
     line = Line(min(a.line.value, b.line.value), min(a.line.slope, b.line.slope))
-    return Reading(value, line, lambda *at: min(a.ahead(*at), b.ahead(*at)))
+    signed = a.signed or b.signed
+    return Reading(
+        value,
+        line,
+        lambda *at: min(a.ahead(*at), b.ahead(*at)),
+        signed=signed and (lambda *at: min(a.whole(*at), b.whole(*at))),
+    )
 
 
 def intersection_of(value: Expr, a: Reading, b: Reading) -> Reading:
     """The reading of the larger value, which lies above the lines of both."""
     slope = where(a.line.value < b.line.value, b.line.slope, a.line.slope)
     line = Line(max(a.line.value, b.line.value), slope)
-    return Reading(value, line, lambda *at: max(a.ahead(*at), b.ahead(*at)))
+    signed = a.signed or b.signed
+    return Reading(
+        value,
+        line,
+        lambda *at: max(a.ahead(*at), b.ahead(*at)),
+        signed=signed and (lambda *at: max(a.whole(*at), b.whole(*at))),
+    )
 
 
 UNIFORM = frozenset(FAMILIES[name](1).fold for name in "quadratic cubic quartic circular exponential root".split())

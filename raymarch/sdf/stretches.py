@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.expr.function import Function
-from raymarch.expr.node import Expr, const, var
+from raymarch.expr.node import Expr, const, expr, var
 from raymarch.expr.samples import Samples, sample, sample_bend, sample_slope
+from raymarch.expr.series import Reading
 from raymarch.expr.smooth import LEAST
 from raymarch.expr.stretch import Unbounded, first_root, series_of
 from raymarch.expr.tables import Table, fetch
@@ -39,61 +40,88 @@ from raymarch.expr.vocabulary import (
     max,
     min,
     step,
+    vec2,
     vec3,
     where,
 )
 from raymarch.sdf.facts import FARTHEST
-from raymarch.sdf.ways import Line
+from raymarch.sdf.ways import MARGIN, Line, way_to_box
 
-CONE = 1e-4
-"""A level that grows faster is the radius of a cone, and not the rounding error of a ray."""
+RAY, CONE = 1.5e-6, 1e-4
+"""A level that grows less is the rounding error of a ray; one that grows more is the radius of a cone."""
 
 SHELL = 1e-4
-"""A level above this share of the box grows the box: then the function counts inside of the box only."""
+"""A level above this share of the box grows the box: then the function counts inside of the box only. A ray that is
+nearer to the box is read from where it enters."""
+
+SHARES = (1.0, 0.5)
+"""Shares of the stretch that are looked at where a function has limits; the longest way counts. Of octaves of noise,
+all but the way is the same for all shares, and two take a quarter fewer evaluations and less time. On polynomials they
+cost as much as they save."""
 
 NAMES = ("p", "d", "lower", "upper", "growing", "scales", "w")
 
 
-def free_way(definition: Function, negated: bool) -> Function | None:
-    """`float name(vec3 p, vec3 d, vec3 lower, vec3 upper, vec2 growing, vec3 scales, float w)`: the way that is free.
+def free_way(definition: Function, negated: bool, plain: bool = False) -> Function | None:
+    """`vec2 name(vec3 p, vec3 d, vec3 lower, vec3 upper, vec2 growing, vec3 scales, float w)`: the value of the
+    function less its level, at the nearest point of the box, and the way that is free.
 
     p, d : a point and a direction of any length. lower, upper : the box that cuts the solid. growing : level and growth
     of what the field must exceed. scales : level, unit and steepest slope of the function. w : the stretch looked at.
-    negated : for the complement. None if nothing is known of the function along a stretch.
+    negated : for the complement. plain : True if the level is that of the ray or cone itself, and so not negative: then
+    the way has the sign of the function, and is as long as that stays. None if nothing is known of the function along a
+    stretch.
     """
-    return definition.once(("free way", negated), lambda: _free_way(definition, negated))
+    return definition.once(("free way", negated, plain), lambda: _free_way(definition, negated, plain))
 
 
-def _free_way(definition: Function, negated: bool) -> Function | None:
+def _free_way(definition: Function, negated: bool, plain: bool) -> Function | None:
     types = (VEC3, VEC3, VEC3, VEC3, VEC2, VEC3, FLOAT)
     params = tuple(var(name, type) for name, type in zip(NAMES, types, strict=True))
     p, d, lower, upper, growing, scales, w = params
     level, growth = growing
-    rate = _nowhere_0(d)
-    ends = (lower - p) / rate, (upper - p) / rate
+    rate = 1.0 / _nowhere_0(d)
+    ends = (lower - p) * rate, (upper - p) * rate
     first, last = max(*min(*ends)), min(*max(*ends))
-    start = max(first, 0.0)
-    try:
-        reading, found = series_of(definition, p + start * d, d, min(w, max(last - start, LEAST)))
-    except Unbounded:
-        return None
-    side, end = (-1.0, 1) if negated else (1.0, 0)
+    met = last >= max(first, 0.0)
+    shell = SHELL * max(*(upper - lower))
+    begin = const(0.0) if negated else where(met & (first < shell), max(first, 0.0), 0.0)
+    at = clamp(p + begin * d, lower, upper)
     # A cone needs the distance, of which the divided function is a bound. The rounding error of a ray is no distance:
     # where the function is flat, as at singular points, it is met far before its surface.
-    grown = level > SHELL * max(*(upper - lower))
+    grown = (growth > RAY) & (level > shell) if plain else level > shell
     factor = where(growth > CONE, scales.z / scales.y, where(grown, 1.0, 0.0))
-    value = side * (found.c[0] - scales.x + found.jump[end]) / scales.y - factor * (level + growth * start)
-    slope = side * (found.rate + found.slope[end]) / scales.y - factor * growth
-    curve = side * reading.tail(found, 2)[end] / scales.y
-    ahead = first_root(value, slope, curve, reading.w)
-    inside = (first <= 0.0) & (last >= 0.0)
-    if negated:
-        body = where(inside, min(ahead, _exit(p, d, lower + level, upper - level, growth)), 0.0)
-    else:
-        missed = (last < start) | (start + ahead >= last)
-        through = where(missed, FARTHEST, start + ahead)
-        body = where(grown, where(inside, min(ahead, last), 0.0), through)
-    return Function(f"{definition.name}_free{'_inside' * negated}", params, body, where=definition.where)
+    in_box = met & (first <= 0.0)
+
+    def free_on(stretch: Expr) -> tuple[Reading, Expr, Expr, Expr]:
+        reading, found = series_of(definition, at, d, min(stretch, max(last - begin, LEAST)))
+        here = found.c[0] - scales.x
+        inside = in_box & (here < 0.0) if plain else expr(negated)
+
+        def least(lower: Expr, upper: Expr) -> Expr:
+            return where(inside, -upper, lower) / scales.y
+
+        value = least(*[here + end for end in found.jump]) - factor * (level + growth * begin)
+        slope = least(*[found.rate + end for end in found.slope]) - factor * growth
+        return reading, here, inside, first_root(value, slope, least(*reading.tail(found, 2)), reading.w)
+
+    try:
+        reading, here, inside, ahead = free_on(w)
+    except Unbounded:
+        return None
+    if reading.limited:
+        ahead = max(*[free_on(share * w)[-1] for share in SHARES])
+    leaving = where(grown, _exit(p, d, lower + level, upper - level, growth), last)
+    to_end = where(in_box, min(ahead, leaving), 0.0)
+    half, far = 0.5 * (upper - lower), max(level, 0.0)
+    to_grown = way_to_box(p - lower - half, d, half + (far + MARGIN * max(*max(abs(lower), abs(upper)))), growth)
+    through = where(begin + ahead < last, begin + ahead, FARTHEST)
+    to_box = where(met, where(begin < first, first, through), FARTHEST)
+    outside = where(grown, where(in_box, min(ahead, last), to_grown), to_box)
+    way = where(inside, -to_end, outside) if plain else to_end if negated else outside
+    fallen = scales.z * begin * dot(abs(d), (1.0, 1.0, 1.0))
+    name = f"{definition.name}_free{'_of_level' * (not plain)}{'_inside' * negated}"
+    return Function(name, params, vec2(here - fallen, way), where=definition.where)
 
 
 def _nowhere_0(d: Expr) -> Expr:
@@ -109,7 +137,7 @@ def _exit(p: Expr, d: Expr, lower: Expr, upper: Expr, growth: Expr) -> Expr:
     return where(min(*gaps) > 0.0, max(reduce(min, ways), 0.0), 0.0)
 
 
-MARGIN = 1e-3
+CELL_MARGIN = 1e-3
 """By how much a stretch is longer on both sides, in cells, so that rounding in float32 moves it to no other block."""
 
 Array = NDArray[np.float64]
@@ -147,11 +175,11 @@ def _block(data: Samples, at: Expr, rate: Expr, w: Expr) -> Expr:
     """The largest height and the steepest slope, in cells, of the block that a stretch crosses."""
     levels, table = _table(data)
     ahead = w * rate
-    low = min(at, at + ahead) - MARGIN
-    wide = max(*abs(ahead)) + 2.0 * MARGIN
+    low = min(at, at + ahead) - CELL_MARGIN
+    wide = max(*abs(ahead)) + 2.0 * CELL_MARGIN
     level = clamp(ceil(log2(wide)), 1.0, float(levels))
     side, across = floor(exp2(level) + 0.5), floor(exp2(levels - level) + 0.5)
-    cell = floor(clamp(low, 0.0, tuple(n - 1.0 - MARGIN for n in data.size)) / side)
+    cell = floor(clamp(low, 0.0, tuple(n - 1.0 - CELL_MARGIN for n in data.size)) / side)
     return fetch(table, (across * across - 1.0) / 3.0 + cell.y * across + cell.x + 0.5)
 
 

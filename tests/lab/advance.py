@@ -2,6 +2,7 @@
 
 python -m tests.lab.advance                     scenes of this file, all solids marched, without cones
 python -m tests.lab.advance --closed            the same with closed forms
+python -m tests.lab.advance --strong            strong twists, bends, tapers and displacements, alone and in unions
 python -m tests.lab.advance --examples [NAME]   examples with their own settings
 --size 320x180 --pairs 7                        by default 160x90 and 5
 """
@@ -17,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 import raymarch as rm
+from raymarch.plan import plan
 from raymarch.scene import load
 from raymarch.truth.floor import floor_evaluations
 
@@ -86,6 +88,23 @@ def scenes() -> Iterator[tuple[str, rm.Node]]:
         yield name, rm.union(FLOOR, *solids)
 
 
+def strong() -> Iterator[tuple[str, rm.Node]]:
+    """Solids deformed by large values; the same beside a ball on a floor; and that at 1,000 times the size."""
+    bar = rm.rounded_box((0.7, 2.0, 0.5), 0.08)
+    made = {
+        "twist 3": bar.twist(3.0),
+        "bend 1.2": rm.box((2.0, 0.4, 0.6)).bend(1.2),
+        "taper": rm.box((1.2, 2.0, 1.2)).taper(0.7),
+        "displaced by sines": rm.sphere(0.9).displace(lambda p: 0.12 * rm.sin(9 * p.x) * rm.sin(9 * p.y)),
+        "displaced by noise": rm.sphere(0.9).displace_by_noise(0.25, 4.0, 4),
+    }
+    for name, solid in made.items():
+        union = solid | rm.sphere(0.5).translate((1.8, -0.3, 0.5)) | FLOOR
+        yield name, solid
+        yield f"{name}, in a union", union
+        yield f"{name}, x 1000", union.scale(1000.0)
+
+
 class Drawn(NamedTuple):
     """Means and largest evaluations, seconds of the first frame and of further ones, and the depth."""
 
@@ -140,6 +159,7 @@ def time_ratio(found: Mapping[str, Drawn]) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--closed", action="store_true")
+    parser.add_argument("--strong", action="store_true")
     parser.add_argument("--examples", nargs="*")
     parser.add_argument("--size", default="160x90")
     parser.add_argument("--pairs", type=int, default=5)
@@ -158,13 +178,18 @@ def main() -> None:
         return
     print("evaluations (over N*) of bracketing -> advance; of both: missed, beyond, before, invented, p50 and p99 px")
     quality = rm.Quality(analytic=None if given.closed else False, schedule="single")
-    for name, node in scenes():
-        scene = rm.Scene(node, CAMERA, quality=quality)
+    for name, node in strong() if given.strong else scenes():
+        unit = 1000.0 if name.endswith("x 1000") else 1.0
+        camera = CAMERA.replace(position=tuple(unit * x for x in (1.5, 2.5, 6.5)))
+        scene = rm.Scene(node, camera, quality=quality)
         floor, true = float(floor_evaluations(scene, size).mean()), rm.truth(scene, size).depth
         found = drawn(scene, size, given.pairs)
         counts = " -> ".join(f"{each.mean:5.2f} ({each.mean / floor:.2f})" for each in found.values())
         judgement = " | ".join(judged(each.depth, true, pixel) for each in found.values())
-        print(f"{name:27} N* {floor:5.2f}  {counts}  {judgement}  CPU time x {time_ratio(found)}", flush=True)
+        auto = plan(scene, size).marching.tracer
+        print(
+            f"{name:27} N* {floor:5.2f}  {counts}  {judgement}  CPU time x {time_ratio(found)}, auto {auto}", flush=True
+        )
 
 
 if __name__ == "__main__":

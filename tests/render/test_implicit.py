@@ -10,7 +10,7 @@ import pytest
 import raymarch as rm
 from raymarch.gpu.context import Context
 from raymarch.plan import plan
-from tests.lab.implicit import SIZE, compared, rays_of, scene_of
+from tests.lab.implicit import SIZE, compared, directions_of, rays_of, scene_of
 from tests.support.surfaces import SURFACES
 
 WHISKERS = {"roman": 4}
@@ -32,6 +32,24 @@ def test_no_pixel_is_missed_and_hits_are_where_tiny_steps_find_them(name: str, e
     assert row.p99 <= 0.05
     assert row.evaluations < 6.0
     assert row.most < 40
+
+
+INSIDE = {"klein": (1.0, 0.4, -2.2), "heart": (0.2, 0.3, 0.1)}
+
+
+@pytest.mark.parametrize("name", INSIDE)
+def test_from_inside_the_far_side_is_seen(name: str, egl: Context) -> None:
+    """The ray is known to stay inside up to there, though the divided function is small."""
+    surface, size, eye = SURFACES[name], (32, 18), np.array(INSIDE[name])
+    scene = rm.Scene(surface.node() | rm.sphere(0.1).translate((9, 0, 0)), rm.Camera(INSIDE[name], (0, 0, 0), fov=60))
+    with rm.Renderer(size, context=egl) as renderer:
+        frame = renderer.render(scene, outputs=("depth", "evaluations"))
+    d, pixel = directions_of(eye, np.zeros(3), size, 60.0)
+    share = np.concatenate([np.linspace(0.0, 1.0 - 0.01 * pixel, 200), [1.0 + 0.01 * pixel]])
+    places = eye + share[:, None, None] * frame.depth.reshape(-1, 1) * d
+    inside = (surface.function(np.moveaxis(places, -1, 0)) < 0.0) & (np.abs(places) < surface.bounds).all(axis=-1)
+    assert inside[:-1].all() and not inside[-1].any()
+    assert frame.evaluations.mean() < 12.0
 
 
 def pictures(egl: Context, *scenes: rm.Scene) -> list[Any]:

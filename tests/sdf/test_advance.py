@@ -57,14 +57,16 @@ def test_no_surface_lies_in_the_advance(sample: NodeSample) -> None:
     stretches = size * 10.0 ** np.random.default_rng(4).uniform(-2.0, 0.5, len(points))
     numbers = start, growth, stretches
     (found,) = evaluator([made.body], [*made.params, STRETCH])(points, directions, *numbers)
-    value, advance = found[:, 0], np.minimum(found[:, 1], 8.0 * size)
-    plain = node.distance(points)
-    np.testing.assert_allclose(value, plain, rtol=1e-12, atol=1e-12 * size)
+    value, inside, advance = found[:, 0], found[:, 1] < 0.0, np.minimum(np.abs(found[:, 1]), 8.0 * size)
+    np.testing.assert_allclose(value, node.distance(points), rtol=1e-12, atol=1e-12 * size)
+    plain, side = np.where(inside, -value, value), np.where(inside, -1.0, 1.0)
+    assert np.all(plain[inside] > 0.0)
     share = np.concatenate([np.linspace(0.0, 0.999999, 30), 1.0 - np.geomspace(1e-6, 1e-2, 6)])
     s = share * advance[:, None]
     passed = node.distance((points[:, None] + s[..., None] * directions[:, None]).reshape(-1, 3)).reshape(s.shape)
+    passed *= side[:, None]
     assert np.all((passed - start[:, None] - growth[:, None] * s > -1e-9 * size) | (advance[:, None] < 1e-9 * size))
-    assert np.all((advance >= 0.0) & (advance > 0.999 * (plain - start) / (1.0 + growth) * node.lipschitz - 1e-9))
+    assert np.all(inside | (advance > 0.999 * (plain - start) / (1.0 + growth) * node.lipschitz - 1e-9))
 
 
 @pytest.mark.parametrize("shape", [(2, 2), (3, 40), (33, 34)])

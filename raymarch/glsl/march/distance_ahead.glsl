@@ -5,7 +5,7 @@ float wide_way_ahead(Ray ray, float t, float width, float growth) {
     float level = rounding(ray, t) + width;
     vec2 found = field_advance(ray.origin + t * ray.direction, ray.direction, level, growth + SLOPE_ERROR);
 #ifdef STRETCH
-    adapt_stretch(found.y, level);
+    adapt_stretch(abs(found.y), level);
 #endif
     return free_way(found, level, u_side);
 }
@@ -19,7 +19,7 @@ float march_distance(Ray ray, float t) {
 #endif
     vec2 found = field_advance(ray.origin + t * ray.direction, ray.direction, level, u_cone + SLOPE_ERROR);
 #ifdef STRETCH
-    adapt_stretch(found.y, level);
+    adapt_stretch(abs(found.y), level);
 #endif
     float r = free_way(found, level, u_side);
     way_behind /= 1.0 + u_cone;

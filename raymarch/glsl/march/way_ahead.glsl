@@ -9,9 +9,10 @@ bool by_distance;  // whether that is also all that is known ahead
 float free_way(vec2 found, float level, float side) {
     float r = side * found.x - level;
     way_behind = abs(r);
-    if (found.y > 0.0 && found.x > 8.0 * level) approach = min(r / found.y, 1.0);
-    by_distance = side < 0.0 || found.y < 1.01 * r;
-    return found.y > 0.0 && side > 0.0 ? found.y : r;
+    float way = side * found.y;
+    if (way > 0.0 && r > 7.0 * level) approach = min(r / way, 1.0);
+    by_distance = way < 1.01 * r;
+    return way > 0.0 ? way : r;
 }
 
 // From where the field falls to its rounding error to the surface; at most a quarter of the width of a hit.
@@ -35,7 +36,7 @@ float way_ahead(Ray ray, float t, float side) {
     if (inside) found.x = min(found.x, solved_field(p));
 #endif
 #ifdef STRETCH
-    adapt_stretch(found.y, level);
+    adapt_stretch(abs(found.y), level);
 #endif
     return free_way(found, level, side);
 }
