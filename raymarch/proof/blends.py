@@ -1,9 +1,10 @@
 """Smooth blends of many operands: a stretch asks those alone that can change its value.
 
-A blend is a tree of folds of two values. Space is divided into cells, each half as wide as those of the level above.
-Where the enclosures of both values over a cell show that a fold returns one of them, whatever the other is, the
-operands of the other are dropped, there and in all smaller cells. So nothing is left out that has an effect, and no
-box, reach or constant of a definition is taken for granted.
+A blend is a tree of folds of two values. Where little has to be known, groups of operands bound it: see `groups` and
+`folds`. Near the surface space is divided into cells, each half as wide as those of the level above. Operands whose
+effect in a cell is nearly nothing are left out, and the error is counted. Where the enclosures of both values show that
+a fold returns one of them, whatever the other is, the operands of the other are dropped, there and in all smaller
+cells. So no box, reach or constant of a definition is taken for granted.
 """
 
 from __future__ import annotations
@@ -16,13 +17,15 @@ from numpy.typing import NDArray
 
 from raymarch.expr.evaluate import Program
 from raymarch.expr.function import Function
-from raymarch.expr.node import Expr, var
+from raymarch.expr.node import Expr
 from raymarch.expr.types import FLOAT
-from raymarch.expr.walk import depends_on, rebuild, rewrite, substitute, topological
+from raymarch.expr.walk import depends_on, substitute, topological
 from raymarch.proof.enclosure import ENCLOSURES
+from raymarch.proof.folds import SLACK, A, B, Fold, ends_of, span_of
+from raymarch.proof.groups import Groups
 from raymarch.proof.rays import Whole
-from raymarch.proof.rounding import ZERO, Array, Interval
-from raymarch.proof.span import Span, constant, now, still, stretches
+from raymarch.proof.rounding import ZERO, Array, Interval, down, up
+from raymarch.proof.span import Span, constant, now, stretches
 from raymarch.truth.large import numbered_forms
 
 MANY = 32
@@ -43,13 +46,17 @@ ROWS = 1 << 12
 PAIRS = 1 << 15
 """Operands of all cells that are made at once, for the same reason."""
 
-FAR = 1e30
-"""A value beyond the reach of a fold that has one."""
+COARSER = 2
+"""Levels by which the first cells are above those of edge / sqrt(n), which hold one of n operands of a surface each."""
+
+FAINT = 16.0
+"""Operands are left out of a cell if they are so many widths of the fold above the nearest one."""
+
+NEARER = 0.8
+"""Groups that lie this much nearer than an operand are divided, for bounds of the value."""
 
 FOLDS = 1 << 30
 """A height above all folds."""
-
-_A, _B = var("a", FLOAT), var("b", FLOAT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +104,7 @@ class Tree:
         if not MANY <= len(leaves) <= len(topological([body])):  # an expression that is used twice is two leaves
             return None
         definition = body.data
-        fold = substitute([definition.body], dict(zip(definition.params, (_A, _B, *fixed), strict=True)))[0]
+        fold = substitute([definition.body], dict(zip(definition.params, (A, B, *fixed), strict=True)))[0]
         return cls(fold, leaves, _maxima(np.array(gaps[:-1])))
 
     def joined_at(self, first: Whole, second: Whole) -> Whole:
@@ -115,58 +122,6 @@ def _maxima(values: Whole) -> Whole:
     return np.stack(rows)
 
 
-class Winner:
-    """Shows where a fold is one of its values, by the operands that its minima and maxima choose.
-
-    first : True for a, False for b.
-    """
-
-    def __init__(self, fold: Expr, first: bool) -> None:
-        self._choices = [node for node in topological([fold]) if node.op in ("min", "max")]
-        ends = [arg for node in self._choices for arg in node.args]
-        self._program = Program(ends, [_A, _B], ENCLOSURES)
-        self._first = first
-        low, high = np.zeros(1), np.full(1, FAR)
-        a, b = (low, high) if first else (high, low)
-        self._wins = np.zeros(len(self._choices), np.int64)
-        chosen = self._chosen((a, a), (b, b))
-        self._wins = 1 - np.all(chosen, axis=1) * 1
-        number = {node: i for i, node in enumerate(self._choices)}
-
-        def rule(node: Expr, args: tuple[Expr, ...]) -> Expr:
-            return args[self._wins[number[node]]] if node in number else rebuild(node, args) if node.args else node
-
-        left, own = rewrite([fold], rule)[fold], _A if first else _B
-        if left.op == "sub" and left.args[0] is own and left.args[1] not in depends_on([left], [_A, _B]):
-            rest = Program([left.args[1]], [], ENCLOSURES)()[0]
-            left = own if np.all(rest.low == 0.0) and np.all(rest.high == 0.0) else left
-        self.known = left is own
-
-    def _chosen(self, a: Interval, b: Interval) -> NDArray[np.bool_]:
-        """Whether each choice certainly falls on its operand, (choices, N)."""
-        ends = self._program(still(a), still(b))
-        found = []
-        for i, node in enumerate(self._choices):
-            pair = ends[2 * i : 2 * i + 2]
-            one, other = (pair[k].range for k in (self._wins[i], 1 - self._wins[i]))
-            found.append(one[1] <= other[0] if node.op == "min" else other[1] <= one[0])
-        return np.array([np.broadcast_to(each, np.shape(a[0])) for each in found], bool).reshape(len(found), -1)
-
-    def wins(self, a: Interval, b: Interval) -> NDArray[np.bool_]:
-        """Where the fold of values in these ranges is certainly the one, (N,)."""
-        if not self.known:
-            return np.zeros(len(a[0]), bool)
-        found = self._apart(a, b)
-        rows = np.flatnonzero(found)
-        with stretches(np.zeros(len(rows)), np.zeros(len(rows))):
-            found[rows] = self._chosen((a[0][rows], a[1][rows]), (b[0][rows], b[1][rows])).all(axis=0)
-        return found
-
-    def _apart(self, a: Interval, b: Interval) -> NDArray[np.bool_]:
-        """Where the one is below the other, as it must be in the case that was looked at."""
-        return a[1] < b[0] if self._first else b[1] < a[0]
-
-
 class Blend:
     """The enclosures of a blend of many operands.
 
@@ -175,43 +130,89 @@ class Blend:
 
     def __init__(self, tree: Tree, params: Sequence[Expr], lower: Array, upper: Array) -> None:
         self._tree = tree
-        self._fold = Program([tree.fold], [_A, _B], ENCLOSURES)
-        self._winners = Winner(tree.fold, True), Winner(tree.fold, False)
+        self._fold = Fold(tree.fold)
         fields = [Function("operand", tuple(params), leaf) for leaf in tree.leaves]
         found, self._form_of, self._row_of = numbered_forms(fields)
         self._forms = [(Program([body], own, ENCLOSURES), columns) for body, own, columns in found]
+        leaves = [np.flatnonzero(self._form_of == number) for number in range(len(found))]
+        self._groups = Groups([(*form, own) for form, own in zip(self._forms, leaves, strict=True)])
         self._corner, self._edge = lower, float(np.max(upper - lower))
+        self._first = min(max(int(np.ceil(0.5 * np.log2(len(fields)))) - COARSER, 1), DEEPEST)
+        fold, height = self._fold, int(tree.above.max())
+        self._error = height * (fold.trace + (fold.excess if fold.excess < np.inf else 0.0)) + 1e-290
+        self._sag, self._rise = height * fold.sag + self._error, height * fold.rise + self._error
+        self._spare = FAINT * fold.width
+        if np.isinf(fold.width):
+            self._spare = height * (fold.reach + fold.sag) + self._error
+        self._slack = SLACK ** (height + 1)
         self._numbers: list[dict[int, int]] = [{} for _ in range(DEEPEST + 1)]
-        self._kept: list[Whole] = [np.arange(len(tree.leaves))]
+        self._kept: list[Whole] = [np.zeros(0, np.int64)]
         self._ranges = np.array([[-np.inf, np.inf]])
-        self._count = np.array([len(tree.leaves)])
+        self._lost = np.zeros(1)
+        self._count = np.array([FOLDS])  # of the cell that is all of space
 
     def enclose(self, points: Span) -> Span:
-        """The value on some stretches. Those with too many operands, and in cells without a surface, have the range of
-        their cell."""
+        """The value on some stretches. Those in cells with many operands have bounds by groups of them, and those in
+        cells without a surface the range of their cell."""
         n, before, behind = len(now.before), now.before, now.behind
         jumps, now.jumps = now.jumps, None  # the operands depend on the stretches, and with them the jumps
-        ends = [np.broadcast_to(end, (n, 3)) for end in (points.low, points.high, *points.at, *(points.slope or ZERO))]
+        given = (points.low, points.high, *points.at, *(points.slope or ZERO))
+        ends = [np.broadcast_to(end, (n, 3)) for end in given]
         cells = self._cells(ends[0], ends[1])
         low, high = self._ranges[cells].T
         result = np.stack([low, high, low, high, np.full(n, -np.inf), np.full(n, np.inf)])
-        count = self._count[cells]
-        asked = np.flatnonzero((low <= 0.0) & (high >= 0.0) & (count <= MOST))
+        crossed, few = (low <= 0.0) & (high >= 0.0), self._count[cells] <= MOST
+        far = np.flatnonzero(crossed & ~few)
+        if len(far):
+            result[:, far] = self._bounds([end[far] for end in ends], before[far], behind[far])
+        asked = np.flatnonzero(crossed & few)
         if len(asked):
             position, leaves = self._pairs(cells[asked])
             owner = asked[position]
             values = self._operands(ends, owner, leaves, before, behind)
             for first, second in self._climb(owner, leaves):
                 rows = owner[first]
-                with stretches(before[rows], behind[rows]):
-                    values[:, first] = _ends(
-                        self._fold(_span(values[:, first]), _span(values[:, second]))[0], len(rows)
-                    )
+                values[:, first] = self._fold(values[:, first], values[:, second], before[rows], behind[rows])
             result[:, asked] = values[:, np.flatnonzero(np.diff(position, prepend=-1))]
-            np.fmax(result[0], low, out=result[0])
-            np.fmin(result[1], high, out=result[1])
+        result[::2][:2] -= up(self._error + self._lost[cells])
+        result[1::2][:2] += self._error
+        np.fmax(result[0], low, out=result[0])
+        np.fmin(result[1], high, out=result[1])
         now.jumps = jumps
-        return _span(result)
+        return span_of(result)
+
+    def _bounds(self, ends: Sequence[Array], before: Array, behind: Array) -> Array:
+        """The ends of the value by those of groups of operands, (6, N), or (2, N) of boxes."""
+        n, done, middle = len(before), [], 2 % len(ends)
+        high = np.full((len(ends), n), np.inf)
+
+        def near(owner: Whole, values: Array, count: int) -> NDArray[np.bool_]:
+            """Groups to divide: those that may reach the surface, and are much nearer than an operand is."""
+            for k in {1, middle + 1}:
+                np.minimum.at(high[k], owner, values[k])
+            divided = (values[0] <= 4.0 * self._fold.sag) & (values[middle] < NEARER * high[middle + 1][owner])
+            divided &= count > 1
+            done.append((owner[~divided], values[:, ~divided], np.full((~divided).sum(), count)))
+            return divided
+
+        self._groups.walk(ends, before, behind, near)
+        owner, values, count = (np.concatenate(each, axis=-1) for each in zip(*done, strict=True))
+        result = high
+        for k in {0, middle}:
+            result[k] = down(self._joint(owner, values[k], count, n) - self._error)
+            result[k + 1] = up(high[k + 1] + self._rise)
+        for k, least in ((4, np.minimum), (5, np.maximum)) if len(ends) > 2 else ():
+            result[k] = (np.inf, -np.inf)[k % 2]
+            least.at(result[k], owner, values[k])
+        return result
+
+    def _joint(self, owner: Whole, least: Array, count: Array, n: int) -> Array:
+        """A number below the blends of some groups of operands."""
+        if np.isfinite(self._fold.width):
+            return self._fold.joint(owner, least, count, n)
+        found = np.full(n, np.inf)
+        np.minimum.at(found, owner, least)
+        return found - self._sag
 
     def _pairs(self, cells: Whole) -> tuple[Whole, Whole]:
         """The operands of cells: the position in `cells` and the operand of each."""
@@ -219,7 +220,7 @@ class Blend:
         return np.repeat(np.arange(len(cells)), self._count[cells]), kept
 
     def _operands(self, ends: Sequence[Array], owner: Whole, operands: Whole, before: Array, behind: Array) -> Array:
-        """The ends of the values of N operands, each on one of some stretches: as of `_span`, (6, N); (2, N) if the
+        """The ends of the values of N operands, each on one of some stretches: as of `span_of`, (6, N); (2, N) if the
         stretches have two ends alone, which are those of a box.
         """
         result = np.empty((len(ends), len(operands)))
@@ -232,8 +233,8 @@ class Blend:
                 which, own = self._row_of[operands[rows]], owner[rows]
                 numbers = [constant(column[which]) for column in columns]
                 with stretches(before[own], behind[own]):
-                    found = program(_span([end[own] for end in ends]), *numbers)[0]
-                result[:, rows] = _ends(found, len(rows))[: len(result)]
+                    found = program(span_of([end[own] for end in ends]), *numbers)[0]
+                result[:, rows] = ends_of(found, len(rows))[: len(result)]
         return result
 
     def _climb(self, owner: Whole, leaves: Whole) -> Iterator[tuple[Whole, Whole]]:
@@ -260,7 +261,7 @@ class Blend:
         cell = np.zeros(len(low), np.int64)
         with np.errstate(divide="ignore", invalid="ignore"):
             levels = np.floor(np.log2(self._edge / np.max(high - low, axis=1)))
-        for level in range(1, DEEPEST + 1):
+        for level in range(self._first, DEEPEST + 1):
             ranges = self._ranges[cell]
             open_ = (levels >= level) & (self._count[cell] > FEW) & (ranges[:, 0] <= 0.0) & (ranges[:, 1] >= 0.0)
             rows = np.flatnonzero(open_)
@@ -275,7 +276,7 @@ class Blend:
             codes, which, of = np.unique(place @ CODE, return_index=True, return_inverse=True)
             new = np.array([code not in self._numbers[level] for code in codes], bool)
             codes_, places, parents = codes[new], place[which[new]] - 2.0, cell[rows[which[new]]]
-            parts = np.cumsum(self._count[parents]) // PAIRS
+            parts = np.cumsum(np.minimum(self._count[parents], MOST)) // PAIRS
             for some in np.split(np.arange(len(parents)), np.flatnonzero(np.diff(parts)) + 1):
                 if len(some):
                     self._make(level, codes_[some], places[some], parents[some])
@@ -290,45 +291,67 @@ class Blend:
 
     def _make(self, level: int, codes: Whole, place: Array, parents: Whole) -> None:
         """Cells of a level in some cells of the level above."""
-        owner, operands = self._pairs(parents)
         margin = 1e-6 * self._edge / 2**level  # half of that of the level above, so that each cell lies in its own
-        low, high = (end + off for end, off in zip(self._box(level, place), (-margin, margin), strict=True))
+        box = [end + off for end, off in zip(self._box(level, place), (-margin, margin), strict=True)]
         zero = np.zeros(len(parents))
-        values = self._operands([low, high], owner, operands, zero, zero)
+        if level == self._first:
+            bounds = self._bounds(box, zero, zero)
+            crossed = np.flatnonzero(bounds[0] <= 0.0)
+            owner, operands, values, lost = self._listed(box, crossed)
+        else:
+            bounds, crossed, lost = self._ranges[parents].T, np.arange(len(parents)), self._lost[parents]
+            owner, operands = self._pairs(parents)
+            values = self._operands(box, owner, operands, zero, zero)
         end, drops = np.arange(1, len(owner) + 1), np.zeros(len(owner) + 1, np.int64)
         for first, second in self._climb(owner, operands):
-            a, b = ((values[0, rows], values[1, rows]) for rows in (first, second))
-            wins = [winner.wins(a, b) for winner in self._winners]
-            values[:, first] = np.where(wins[0], a, b)
-            rows = np.flatnonzero(~(wins[0] | wins[1]))
-            with stretches(np.zeros(len(rows)), np.zeros(len(rows))):
-                fold = self._fold(still((a[0][rows], a[1][rows])), still((b[0][rows], b[1][rows])))[0]
-            values[:, first[rows]] = fold.range
-            for won, begin, behind in ((wins[0], second, end[second]), (wins[1], first, second)):
+            a, b = values[:, first], values[:, second]
+            for won, begin, behind in (
+                (self._fold.drops(b, a), first, second),
+                (self._fold.drops(a, b), second, end[second]),
+            ):
                 drops[begin[won]] += 1
                 drops[behind[won]] -= 1
+            values[:, first] = self._fold(a, b, zero[owner[first]], zero[owner[first]])
             end[first] = end[second]
         kept = np.cumsum(drops[:-1]) == 0
         counts = np.bincount(owner[kept], minlength=len(codes))
         self._numbers[level] |= zip(codes.tolist(), range(len(self._kept), len(self._kept) + len(codes)), strict=True)
         self._kept += np.split(operands[kept], np.cumsum(counts)[:-1])
-        self._ranges = np.concatenate([self._ranges, values.T[np.diff(owner, prepend=-1) > 0]])
+        ranges = bounds[:2].T.copy()
+        whole = values[:, np.flatnonzero(np.diff(owner, prepend=-1))]
+        ranges[crossed, 0] = down(whole[0] - self._error - lost[crossed])
+        ranges[crossed, 1] = up(whole[1] + self._error)
+        self._ranges = np.concatenate([self._ranges, ranges])
+        self._lost = np.concatenate([self._lost, lost])
         self._count = np.concatenate([self._count, counts])
+
+    def _listed(self, box: Sequence[Array], some: Whole) -> tuple[Whole, Whole, Array, Array]:
+        """The operands that may have an effect in some boxes: the box of each, the operand and its ends there; and for
+        each box by how much the others may lower the value.
+
+        Let them rise to infinity together: the value rises by at most the sum of their weights, which shrink with the
+        width of the fold. Of a fold without one, let m be the least value of an operand. Without all above
+        T = m + `_spare`, a value of the tree is the same, or with and without them it is T - (reach + sag) or more for
+        each level below it; but at the top it is m or less.
+        """
+        n, fold, zero = len(box[0]), self._fold, np.zeros(len(some))
+        least, lost = np.full(n, np.inf), np.zeros(n)
+
+        def near(owner: Whole, values: Array, count: int) -> NDArray[np.bool_]:
+            rows = some[owner]
+            np.minimum.at(least, rows, values[1])
+            top = up(least + self._rise)[rows]
+            kept = values[0] <= top + self._spare
+            if np.isfinite(fold.width):
+                weights = fold.weights(values[0, ~kept], top[~kept])
+                lost[:] += np.bincount(rows[~kept], weights, n) * (count * fold.width * self._slack)
+            return kept
+
+        owner, operands, values = self._groups.walk([end[some] for end in box], zero, zero, near)
+        order = np.lexsort((operands, owner))
+        order = order[near(owner[order], values[:, order], 1)]
+        return some[owner[order]], operands[order], values[:, order], up(lost)
 
 
 CODE = np.array([1, 1 << 20, 1 << 40])
 """Weights of the places of a cell, of which one number is made."""
-
-
-def _span(ends: Sequence[Array] | Array) -> Span:
-    """low, high, the two ends of the value at the centre, and those of the slope; without these it is the same all
-    along."""
-    if len(ends) == 2:
-        return still((ends[0], ends[1]))
-    return Span(ends[0], ends[1], (ends[2], ends[3]), (ends[4], ends[5]))
-
-
-def _ends(value: Span, n: int) -> Array:
-    """The same of n stretches, (6, n). What is NaN is unknown."""
-    found = [np.broadcast_to(end, n) for end in (*value.range, *value.at, *(value.slope or ZERO))]
-    return np.stack([np.where(np.isnan(end), (-np.inf, np.inf)[i % 2], end) for i, end in enumerate(found)])
