@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
@@ -170,6 +170,7 @@ class Proof:
                     "proved": each.count(PROVED),
                     "contradicted": each.count(CONTRADICTED),
                     "open": each.count(OPEN),
+                    "unsearched": each.unsearched,
                 }
                 for each in self.shadows
             ],
@@ -258,8 +259,9 @@ def prove(
     if shadows:
         lit = _lit(scene, values, reported, np.flatnonzero((verdict.state == PROVED) & ~inside), shape)
 
-        def draw(light: int) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-            return lit_pixels(scene, scene.lights[light], shape[::-1], at, params)
+        def draw(channels: Sequence[Sequence[int]]) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+            lights = [[scene.lights[index] for index in own] for own in channels]
+            return lit_pixels(scene, lights, shape[::-1], at, params)
 
         cast = shadows_of(scene, values, scene.far(pose, values), lit, draw, next(stages))
     covered = None

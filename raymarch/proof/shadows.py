@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,13 +38,19 @@ touches it."""
 FACING = 0.02
 """Least cosine between normal and light: below, a picture does not show whether light arrives."""
 
+MOST = 1 << 20
+"""Ways from hits to lights that are searched; the others stay open."""
+
+TILE = 1 << 14
+"""Ways that are judged together."""
+
 AROUND = 8
 """Rays beside that of a dark pixel which nothing blocks."""
 
 _WHITE = Material(color=(1.0, 1.0, 1.0), specular=0.0, ambient=0.0)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class Shadows:
     """What is proved about the hard shadow of one light.
 
@@ -51,11 +58,13 @@ class Shadows:
     state : (H, W) uint8. 0 proved: the picture is lit, and nothing on the way to the light is deeper than the
         tolerance; or it is dark, and a solid is on the way. 1 contradicted. 2 open. 3 not asked: no hit is proved, the
         light does not reach the surface, or the picture of the light has another hit at a silhouette.
+    unsearched : pixels among the open ones whose way to the light was not searched, behind those of others.
     """
 
     light: int
     name: str
     state: NDArray[np.uint8]
+    unsearched: int = 0
 
     def count(self, state: int) -> int:
         """Number of pixels with a state."""
@@ -69,6 +78,7 @@ class Shadows:
     def __str__(self) -> str:
         parts = [f"{self.count(PROVED):,} of {self.asked:,} hard shadows of {self.name} {self.light} proved"]
         parts += [f"{count:,} {word}" for state, word in _WORDS if (count := self.count(state))]
+        parts += [f"{self.unsearched:,} beyond {MOST:,} ways to lights"] if self.unsearched else []
         return ", ".join(parts)
 
 
@@ -115,13 +125,18 @@ class Lit:
 
 
 def lit_pixels(
-    scene: Scene, light: Light, size: tuple[int, int], time: float, params: Mapping[str, ParamValue] | None
+    scene: Scene,
+    channels: Sequence[Sequence[Light]],
+    size: tuple[int, int],
+    time: float,
+    params: Mapping[str, ParamValue] | None,
 ) -> tuple[NDArray[np.bool_], Array]:
-    """Which pixels of a white copy of the scene a light reaches, (H, W): the tracer's verdict about its shadow; and the
-    depths of these pixels."""
+    """Which pixels of a white copy of the scene lights reach, (H, W, 3): the tracer's verdict about their shadows; and
+    the depths of these pixels. channels : at most three, the lights that are drawn in red, green and blue."""
+    lights = [light.replace(color=tuple(np.eye(3)[number])) for number, own in enumerate(channels) for light in own]
     alone = scene.replace(
         node=relabelled(scene.node, lambda _: _WHITE).material(_WHITE),
-        lights=[light],
+        lights=lights,
         sky=Sky((0.0, 0.0, 0.0)),
         fog=None,
         occlusion=None,
@@ -132,7 +147,10 @@ def lit_pixels(
     known = {name: value for name, value in (params or {}).items() if name in alone.parameters}
     with Renderer(size) as renderer:
         frame = renderer.render(alone, time, known, outputs=("color", "depth"))
-    return frame.color.max(axis=-1) > 0.0, np.asarray(frame.depth, np.float64)
+    return np.asarray(frame.color) > 0.0, np.asarray(frame.depth, np.float64)
+
+
+Draw: TypeAlias = Callable[[Sequence[Sequence[int]]], tuple[NDArray[np.bool_], Array]]
 
 
 def shadows_of(
@@ -140,32 +158,78 @@ def shadows_of(
     values: Values,
     far: float,
     found: Lit,
-    draw: Callable[[int], tuple[NDArray[np.bool_], Array]],
+    draw: Draw,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[Shadows, ...]:
     """The verdicts about the shadows of all lights that have hard ones.
 
-    far : where camera rays end. draw : of the index of a light, where it reaches the surface, (H, W), and the depths
-    there; called for lights that may reach a hit.
+    far : where camera rays end. draw : of the indices of lights, drawn in up to three colours, where they reach the
+    surface, (H, W, 3), and the depths there; called for lights that may reach a hit.
     """
-    operands, lights = Operands(scene.node, values, "shadow", whole=False), hard_lights(scene, values)
-    result = []
-    for done, index in enumerate(lights):
-        light = scene.lights[index]
-        state = np.full(found.shape, NOT_ASKED, np.uint8)
-        if _reached(light, values, far, (found,))[0].any():
-            lit, depth = draw(index)
-            near = np.abs(depth.ravel()[found.pixels] - found.depth) <= found.within
-            same = found[np.flatnonzero(near)]
-            drawn = Lit.seen(
-                scene.node, values, same.rays, depth.ravel()[same.pixels], same.within, same.pixels, found.shape
-            )
-            own = _verdicts(operands, light, values, far, (same, drawn), lit.ravel()[same.pixels])
-            state.ravel()[same.pixels] = own
-        result.append(Shadows(index, type(light).__name__, state))
+    lights = hard_lights(scene, values)
+    result = {
+        index: Shadows(index, type(scene.lights[index]).__name__, np.full(found.shape, NOT_ASKED, np.uint8))
+        for index in lights
+    }
+    pictures = _pictures({index: _lights_up(scene.lights[index], values, far, found) for index in lights})
+    operands = Operands(scene.node, values, "shadow", whole=False)
+    searched = 0
+    for done, channels in enumerate(pictures):
+        lit, depth = draw(channels)
+        near = np.abs(depth.ravel()[found.pixels] - found.depth) <= found.within
+        same = found[np.flatnonzero(near)]
+        drawn = Lit.seen(
+            scene.node, values, same.rays, depth.ravel()[same.pixels], same.within, same.pixels, found.shape
+        )
+        asked = [
+            _asked(scene.lights[index], values, far, (same, drawn), lit.reshape(-1, 3)[same.pixels, number], index)
+            for number, own in enumerate(channels)
+            for index in own
+        ]
+        ways = Ways._make(np.concatenate(each) for each in zip(*asked, strict=True))
         if progress is not None:
-            progress((done + 1) / len(lights))
-    return tuple(result)
+            progress((done + 0.5) / len(pictures))
+        for first in range(0, len(ways.hits), TILE):
+            part = Ways._make(each[first : first + TILE] for each in ways)
+            searched += len(part.hits)
+            hits = same[part.hits]
+            own = _verdicts(operands, hits, part) if searched <= MOST else np.full(len(part.hits), OPEN, np.uint8)
+            for index in np.unique(part.light):
+                of = part.light == index
+                result[index].state.ravel()[hits.pixels[of]] = own[of]
+                result[index].unsearched += int(of.sum()) * (searched > MOST)
+            if progress is not None:
+                progress((done + 0.5 + 0.5 * min(first + TILE, len(ways.hits)) / len(ways.hits)) / len(pictures))
+    if progress is not None:
+        progress(1.0)
+    return tuple(result.values())
+
+
+def _lights_up(light: Light, values: Values, far: float, found: Lit) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which hits a light may reach on their front, and which ones at all, or somewhat nearer, for rounding."""
+    reached, at = _reached(light, values, far, (found,))[:2]
+    off = 0.01 * np.minimum(at.distance, far)[:, None] * at.direction
+    nearer = incoming(light, values, found.points + off, far)
+    return reached, np.maximum(at.radiance, nearer.radiance).max(axis=1) > 0.0
+
+
+def _pictures(
+    lit: Mapping[int, tuple[NDArray[np.bool_], NDArray[np.bool_]]],
+) -> list[list[list[int]]]:
+    """Lights that are drawn together, in three colours: no two of one colour reach the same hit, so that each is seen
+    alone. lit : by light, as of `_lights_up`."""
+    colors: list[tuple[NDArray[np.bool_], list[int]]] = []
+    for index, (reached, hits) in lit.items():
+        if not reached.any():
+            continue
+        for taken, own in colors:
+            if not np.any(taken & hits):
+                taken |= hits
+                own.append(index)
+                break
+        else:
+            colors.append((hits.copy(), [index]))
+    return [[own for _, own in colors[i : i + 3]] for i in range(0, len(colors), 3)]
 
 
 def _reached(
@@ -177,45 +241,54 @@ def _reached(
     return (facing > FACING) & (at.radiance.max(axis=1) > 0.0), at, facing
 
 
-def _verdicts(
-    operands: Operands, light: Light, values: Values, far: float, hits: tuple[Lit, Lit], lit: NDArray[np.bool_]
-) -> NDArray[np.uint8]:
-    """hits : those that are proved, and those of the picture of the light. At an edge they may have other normals."""
-    found = hits[0]
-    reached, light_at, facing = _reached(light, values, far, hits)
-    asked = np.flatnonzero(reached)
-    state = np.full(len(lit), NOT_ASKED, np.uint8)
-    if not len(asked):
-        return state
-    within, points, normals = found.within[asked], found.points[asked], found.normals[asked]
-    free, blocked = np.ones(len(asked), bool), np.ones(len(asked), bool)
+class Ways(NamedTuple):
+    """N ways from hits to lights, (N,) or (N, 3): the hit, the unit direction and the length, the cosine at the
+    surface, whether a picture is lit, and the index of the light."""
+
+    hits: NDArray[np.int64]
+    directions: Array
+    distance: Array
+    facing: Array
+    lit: NDArray[np.bool_]
+    light: NDArray[np.int64]
+
+
+def _asked(light: Light, values: Values, far: float, hits: tuple[Lit, Lit], lit: NDArray[np.bool_], index: int) -> Ways:
+    """The ways to one light. hits : those that are proved, and those of the picture of the light. At an edge they may
+    have other normals."""
+    reached, at, facing = _reached(light, values, far, hits)
+    rows = np.flatnonzero(reached)
+    return Ways(rows, at.direction[rows], at.distance[rows], facing[rows], lit[rows], np.full(len(rows), index))
+
+
+def _verdicts(operands: Operands, found: Lit, ways: Ways) -> NDArray[np.uint8]:
+    """The states of some ways to lights, each from its hit in `found`."""
+    n, lit, within, points = len(ways.lit), ways.lit, found.within, found.points
+    free, blocked = np.ones(n, bool), np.ones(n, bool)
     for lift in LIFTS:
         away = lift * within
-        origins = points + away[:, None] * normals
-        rays = Rays(np.ascontiguousarray(origins), np.ascontiguousarray(light_at.direction[asked]))
-        start, end = np.zeros(len(asked)), np.maximum(light_at.distance[asked] - away, 0.0)
-        none = np.full(len(asked), np.inf)
-        verdict = judge(Given(operands, rays, start, end, none, within, within / 64.0))
+        origins = points + away[:, None] * found.normals
+        rays = Rays(np.ascontiguousarray(origins), np.ascontiguousarray(ways.directions))
+        start, end = np.zeros(n), np.maximum(ways.distance - away, 0.0)
+        verdict = judge(Given(operands, rays, start, end, np.full(n, np.inf), within, within / 64.0))
         free &= verdict.state == PROVED
         blocked &= verdict.state == CONTRADICTED
-    lit = lit[asked]
     doubtful = np.flatnonzero(free & ~lit)
     if len(doubtful):  # what is no deeper than the tolerance does not count above, and darkens a picture
-        chosen, beside = asked[doubtful], within[doubtful]
-        start = LIFTS[0] * beside / facing[chosen]  # off the surface of the hit
-        last = np.maximum(light_at.distance[chosen] - 0.01 * beside, 0.0)  # a light on a surface is not blocked by it
-        thin = _thin(operands, points[doubtful], light_at.direction[chosen], start, last, beside)
+        beside = within[doubtful]
+        start = LIFTS[0] * beside / ways.facing[doubtful]  # off the surface of the hit
+        last = np.maximum(ways.distance[doubtful] - 0.01 * beside, 0.0)  # a light on a surface is not blocked by it
+        thin = _thin(operands, points[doubtful], ways.directions[doubtful], start, last, beside)
         blocked[doubtful] |= thin == CONTRADICTED
         free[doubtful] &= thin == PROVED
-    near = np.zeros(len(asked), bool)
+    near = np.zeros(n, bool)
     for i in np.flatnonzero(free & ~lit):  # off its own surface
-        start = 3.0 * within[i] / facing[asked[i]]
+        begin = 3.0 * within[i] / ways.facing[i]
         near[i] = _nearly_touched(
-            operands, points[i], light_at.direction[asked[i]], float(start), float(end[i]), float(within[i])
+            operands, points[i], ways.directions[i], float(begin), float(end[i]), float(within[i])
         )
     agrees, differs = (lit & free) | (~lit & blocked), (lit & blocked) | (~lit & free & ~near)
-    state[asked] = np.where(agrees, PROVED, np.where(differs, CONTRADICTED, OPEN))
-    return state
+    return np.where(agrees, PROVED, np.where(differs, CONTRADICTED, OPEN)).astype(np.uint8)
 
 
 def _thin(

@@ -12,6 +12,7 @@ import raymarch as rm
 from raymarch.cli.commands import main
 from raymarch.errors import SceneError
 from raymarch.proof import proof as module
+from raymarch.proof import shadows
 from raymarch.proof.search import CONTRADICTED, OPEN, PROVED
 from raymarch.proof.shadows import NOT_ASKED, lit_pixels
 from raymarch.scene.parameter import Values
@@ -45,20 +46,57 @@ def test_a_lamp_out_of_reach_is_not_drawn(monkeypatch: pytest.MonkeyPatch) -> No
     """So of a thousand lamps with ranges only those are drawn that may light a pixel."""
     drawn: list[Any] = []
 
-    def noted(given: rm.Scene, light: Any, *more: Any) -> Any:
-        drawn.append(light)
-        return lit_pixels(given, light, *more)
+    def noted(given: rm.Scene, lights: Any, *more: Any) -> Any:
+        drawn.extend(lights)
+        return lit_pixels(given, lights, *more)
 
     monkeypatch.setattr(module, "lit_pixels", noted)
     far, behind = rm.PointLight((0, 9, 0), shadow=True, range=2.0), rm.PointLight((0, -1, 0), shadow=True, range=0.9)
     shares: list[float] = []
     found = rm.prove(scene(far, LAMP, behind), size=SIZE, shadows=True, pixels="whole", progress=shares.append)
-    assert drawn == [LAMP] and [each.asked > 0 for each in found.shadows] == [False, True, False]
+    assert drawn == [[LAMP]] and [each.asked > 0 for each in found.shadows] == [False, True, False]
     assert shares == sorted(shares) and shares[-1] == 1.0 and any(1 / 3 < share < 2 / 3 for share in shares)
 
 
 def shifted(lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.roll(lit, 2, axis=1)
+
+
+def row_of_lamps(count: int) -> list[rm.PointLight]:
+    return [rm.PointLight((1.5 * i - 3.0, 0.9, 1.0), shadow=True, range=1.4) for i in range(count)]
+
+
+def test_many_lamps_are_drawn_in_few_pictures_and_judged_as_each_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those whose ranges do not meet share a colour of one picture."""
+    drawn: list[Any] = []
+
+    def noted(given: rm.Scene, lights: Any, *more: Any) -> Any:
+        drawn.append([len(own) for own in lights])
+        return lit_pixels(given, lights, *more)
+
+    monkeypatch.setattr(module, "lit_pixels", noted)
+    lamps = [*row_of_lamps(5), LAMP, SUN]
+    found = rm.prove(scene(*lamps), size=SIZE, shadows=True)
+    assert sum(map(sum, drawn)) == 7 and len(drawn) == 2 and max(map(max, drawn)) >= 3
+    assert all(each.asked > 10 and each.unsearched == 0 for each in found.shadows)
+    for index in (1, 5):
+        (alone,) = rm.prove(scene(lamps[index]), size=SIZE, shadows=True).shadows
+        np.testing.assert_array_equal(found.shadows[index].state, alone.state)
+
+
+def test_the_search_for_ways_to_lights_has_an_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ways beyond are open, and the text says so."""
+    monkeypatch.setattr(shadows, "MOST", 300)
+    monkeypatch.setattr(shadows, "TILE", 100)
+    shares: list[float] = []
+    found = rm.prove(scene(SUN, LAMP), size=SIZE, shadows=True, progress=shares.append)
+    left = [each.unsearched for each in found.shadows]
+    searched = [each.asked - each.unsearched for each in found.shadows]
+    assert 100 <= sum(searched) <= 300 and all(
+        each.count(OPEN) >= n for each, n in zip(found.shadows, left, strict=True)
+    )
+    assert "beyond 300 ways to lights" in str(found) and shares == sorted(shares) and shares[-1] == 1.0
+    assert sum(each["unsearched"] for each in found.as_dict()["shadows"]) == sum(left) > 100
 
 
 @pytest.mark.parametrize(
@@ -174,12 +212,12 @@ def test_a_hit_on_the_far_side_of_an_edge_is_dark_without_a_blocker(monkeypatch:
         deeper = depth + 1.8 * above.pose(Values({}, 0.0), size[0] / size[1]).pixel(size[1]) * depth
         hit = np.isfinite(depth)
         points = seen.origin[hit] + deeper[hit][:, None] * seen.direction[hit]
-        away = np.zeros_like(lit)
+        away = np.zeros_like(lit[..., 0])
         normals = box.gradient(points)
         towards = np.sum(normals * seen.direction[hit], axis=1) < 0.0
         away[hit] = towards & (normals @ np.array([1.0, 0.5, 0.3]) < 0.0)
-        moved.append(int((away & lit).sum()))
-        return np.where(away, False, lit), np.where(away, deeper, depth)
+        moved.append(int((away & lit[..., 0]).sum()))
+        return np.where(away[..., None], False, lit), np.where(away, deeper, depth)
 
     monkeypatch.setattr(module, "lit_pixels", over_the_edge)
     (found,) = rm.prove(above, size=(48, 36), tolerance="2px", shadows=True).shadows
