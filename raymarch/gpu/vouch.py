@@ -65,11 +65,12 @@ def doubts_of(
     if white is not None:
         found.append(clipped(white, frame.color, frame.material, scene))
     found.append(dark(frame.color, scene))
+    shown, sky = beside_sky(frame.color, scene, pose, values)
     if not any(found):
-        found.append(of_one_tone(frame.color, scene, pose, values))
+        found.append(of_one_tone(shown, sky, scene))
     if arrived is not None:
         found.append(out_of_steps(arrived, scene))
-    missed = is_sky(frame.color, scene, pose, values) and not np.any(np.isfinite(frame.depth))
+    missed = bool(np.all(sky)) and not np.any(np.isfinite(frame.depth))
     if missed or (may_be_ground(frame.color, scene) and is_ground(frame.material, scene)):
         found.append(nothing_visible(scene, values))
     elif not any(found) and is_plain(frame, scene):
@@ -219,7 +220,7 @@ def too_thin(ready: Prepared, pose: Pose) -> Doubt | None:
 
 def overexposed(color: NDArray[Any], scene: Scene) -> NDArray[np.bool_] | None:
     """The pixels that tone mapping makes white although their light is above 1; None if they are few."""
-    light = np.nan_to_num(color, nan=0.0).min(axis=-1)
+    light = _over_channels(np.minimum, np.nan_to_num(color, nan=0.0))
     white: NDArray[np.bool_] = (light > WHITE) & np.all(scene.tone.image(color) == 255, axis=-1)
     return white if np.mean(white) > OVEREXPOSED else None
 
@@ -244,7 +245,7 @@ DARK, MOSTLY = 2e-3, 0.5
 
 def dark(color: NDArray[Any], scene: Scene) -> Doubt | None:
     """The doubt of a picture that is mostly black, or partly in a scene without any light; None if its sky is black."""
-    share = float(np.mean(np.max(color, axis=-1) < DARK))
+    share = float(np.mean(_over_channels(np.maximum, color) < DARK))
     sky, unlit = scene.sky.radiance, not scene.lights and not scene.sky.lights
     some = 0.01 if unlit and not any(m.emits or m.transmits for m in scene.materials) else MOSTLY
     if share <= some or (share < 1.0 and sky.is_constant and not np.any(sky.data)):
@@ -264,12 +265,14 @@ FAINT, PALE = 24, 250
 """8-bit codes: surfaces below the first in all channels are nearly black, those above the second nearly white."""
 
 
-def of_one_tone(color: NDArray[Any], scene: Scene, pose: Pose, values: Values) -> Doubt | None:
+def of_one_tone(shown: NDArray[Any], sky: NDArray[np.bool_], scene: Scene) -> Doubt | None:
     """The doubt of a picture in which nearly all of the lit surfaces are shown nearly black, or nearly white. None
-    where materials are black or emit light by themselves, which is a choice."""
+    where materials are black or emit light by themselves, which is a choice.
+
+    shown, sky : see `beside_sky`.
+    """
     if not (scene.lights or scene.sky.lights) or any(m.emits or is_zero(m.color) for m in scene.materials):
         return None
-    shown, sky = _beside_sky(color, scene, pose, values)
     lit = np.nan_to_num(shown[~sky].astype(np.float32, copy=False))
     if len(lit) <= OVEREXPOSED * len(shown):
         return None
@@ -302,20 +305,19 @@ def has_one_color(color: NDArray[Any]) -> bool:
     return bool(np.all(high - low <= 0.02 * high) and np.max(high) >= DARK)
 
 
+def _over_channels(choice: np.ufunc, color: NDArray[Any]) -> NDArray[Any]:
+    """The largest or smallest channel of each pixel, by `np.maximum` or `np.minimum`; NaN if one is. NumPy reduces a
+    short last axis in ten times as long."""
+    return np.asarray(choice(choice(color[..., 0], color[..., 1]), color[..., 2]))
+
+
 def is_plain(frame: Frame, scene: Scene) -> bool:
     """True if one flat surface fills a picture whose camera has no stated position."""
     plain = scene.camera.position is None and has_one_color(frame.color)
     return plain and bool(np.mean(np.isfinite(frame.depth)) >= NEARLY_ALL)
 
 
-def is_sky(color: NDArray[Any], scene: Scene, pose: Pose, values: Values) -> bool:
-    """True if a grid of pixels matches the sky, so that the picture may show nothing else."""
-    return bool(np.all(_beside_sky(color, scene, pose, values)[1]))
-
-
-def _beside_sky(
-    color: NDArray[Any], scene: Scene, pose: Pose, values: Values
-) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+def beside_sky(color: NDArray[Any], scene: Scene, pose: Pose, values: Values) -> tuple[NDArray[Any], NDArray[np.bool_]]:
     """The colours (N, 3) of a grid of up to 48 x 48 pixels, and which of them match the sky."""
     height, width = color.shape[:2]
     rows, columns = (np.linspace(0, n - 1, min(n, 48)).astype(int) for n in (height, width))
@@ -330,7 +332,7 @@ def may_be_ground(color: NDArray[Any], scene: Scene) -> bool:
     """True if a picture in a studio is as grey as the ground and its shadows everywhere."""
     if not in_studio(scene):
         return False
-    high, low = color.max(axis=-1), color.min(axis=-1)
+    high, low = (_over_channels(choice, color) for choice in (np.maximum, np.minimum))
     return bool(np.all(high - low <= 0.4 * high))
 
 

@@ -98,12 +98,12 @@ def test_a_picture_of_the_sky_alone_is_known_without_a_pass(renderer, sky):
     for camera in (AWAY, rm.Camera((0, 0, 5), (3, 4, 10), fov=80)):
         scene = rm.Scene(rm.sphere(), camera, sky=sky)
         frame = renderer.render(scene)
-        assert vouch.is_sky(frame.color, scene, frame.pose, Values({}))
+        assert np.all(vouch.beside_sky(frame.color, scene, frame.pose, Values({}))[1])
         (doubt,) = frame.doubts()
         assert "nothing is visible" in doubt
         seen = rm.Scene(rm.sphere(), rm.Camera((0, 0, 5), (0, 0, 0)), sky=sky)
         frame = renderer.render(seen)
-        assert not vouch.is_sky(frame.color, seen, frame.pose, Values({}))
+        assert not np.all(vouch.beside_sky(frame.color, seen, frame.pose, Values({}))[1])
         assert frame.doubts() == []
         assert [t.name for t in frame.timings] == ["color"], "nothing more was drawn"
 
