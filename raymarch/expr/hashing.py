@@ -45,8 +45,9 @@ def pcg(v: Array) -> Array:
 
 def evaluate(_node: Expr, cell: Array) -> Array:
     """NumPy row of "hash"."""
-    rounded = np.rint(np.clip(np.nan_to_num(cell), -FARTHEST, FARTHEST))
-    n = np.atleast_2d(rounded).astype(np.int64).astype(np.uint32)
+    number = np.where(np.isnan(cell), cell.dtype.type(0), cell)  # np.nan_to_num and np.clip take three times as long
+    rounded = np.rint(np.minimum(np.maximum(number, -FARTHEST), FARTHEST))
+    n = rounded.reshape(-1, 3).astype(np.int64).astype(np.uint32)
     bits = pcg(n[..., 0] + pcg(n[..., 1] + pcg(n[..., 2])))
     fraction = (bits >> np.uint32(8)).astype(cell.dtype) * cell.dtype.type(2.0**-24)
     return fraction.reshape(cell.shape[:-1])

@@ -31,6 +31,10 @@ sixteenth of the first step of a ray at most, in place of an evaluation of the f
 TRIES = 5
 """So many lattices are tried, the coarsest first, before the field is evaluated at the camera."""
 
+FINER = 3
+"""A lattice has cells of an eighth of those of the last one at least: of a field that is bounded far from its solid, as
+that of a repetition, a point of a coarse lattice tells little of the camera, and fine cells are soon left."""
+
 AROUND = np.stack(np.meshgrid(*[(0, -1, 1)] * 3, indexing="ij"), axis=-1).reshape(27, 3)
 """A point of a lattice, and its neighbours. All are evaluated at once: the camera will pass some of them, and 27 points
 take hardly longer than one."""
@@ -128,8 +132,9 @@ class CameraField:
             if abs(value) >= NEAR * farthest:
                 way = float(np.linalg.norm(position - index * cell)) * (1.0 + 1e-12)
                 return math.copysign(abs(value) - way, value), gradient
-            fits = math.log2(max(abs(value) - farthest, cell / 32.0) / (NEAR * 0.5 * math.sqrt(3.0)))
-            level = min(level - 1, math.floor(fits))
+            least = abs(value) - farthest  # at the camera
+            fits = math.floor(math.log2(least / farthest * cell / NEAR)) if least > 0.0 else level - FINER
+            level = min(level - 1, max(fits, level - FINER))
         return self._exact(position, step)
 
     def _add(self, level: int, index: NDArray[np.float64], step: float) -> None:

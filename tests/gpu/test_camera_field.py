@@ -11,6 +11,7 @@ import raymarch as rm
 from raymarch.expr.arrays import bound
 from raymarch.gpu.camera_field import CHEAP, CameraField
 from raymarch.gpu.prepare import prepare
+from raymarch.plan import plan
 from raymarch.scene import load
 from raymarch.scene.parameter import Values, set_values
 from tests.lab.frame_cpu import expressions_made, moved
@@ -51,6 +52,17 @@ def test_a_camera_on_its_way_seldom_asks_for_the_field(ready):
     for x in np.linspace(4.0, 8.0, 200):
         field.uniforms(Values({}), np.array([x, 6.0, 3.0]), 1e-6)
     assert field.evaluated <= 25
+
+
+def test_cells_are_as_large_as_fit_where_the_field_is_bounded_far_away() -> None:
+    """A coarse lattice tells little of a repetition, whose field is at most the way to the next cell."""
+    made = plan(load(EXAMPLES / "large/city.py"))
+    field = CameraField(made)
+    assert field.lattice
+    for x in np.linspace(-9.0, -8.5, 50):
+        found = field.uniforms(Values({}), np.array([x, 7.0, 26.0]), 1e-6)
+        assert found["u_start"][3] > 0.4
+    assert field.evaluated <= 15
 
 
 def test_the_start_does_not_depend_on_earlier_frames(ready):
