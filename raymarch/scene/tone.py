@@ -159,11 +159,15 @@ class Steps:
 
     With i = floor(4096 min(scale c, 1)), the code of a value c is `first[i]`, plus 1 if c >= `light[i]`, which
     is NaN for the last code.
+
+    Of all values with the same upper 16 bits i, the code is `last[i]`, less 1 if c <= `below[i]`.
     """
 
     scale: np.float32
     first: NDArray[np.uint8]
     light: NDArray[np.float32]
+    last: NDArray[np.uint8]
+    below: NDArray[np.float32]
 
     def function(self) -> Function:
         """The code of a value as a function for the device: `code`."""
@@ -175,10 +179,8 @@ class Steps:
 
     def codes(self, light: NDArray[np.float32]) -> NDArray[np.uint8]:
         """The codes of float32 values of any shape; NaN as 0."""
-        with np.errstate(over="ignore", under="ignore"):
-            x = np.fmin(np.fmax(light, np.float32(0.0)) * self.scale, np.float32(1.0))
-        interval = (x * np.float32(INTERVALS)).astype(np.int32)
-        return np.asarray(self.first.take(interval) + (light >= self.light.take(interval)))
+        bits = np.right_shift(light.view(np.uint32), 16, dtype=np.intp)
+        return np.asarray(self.last.take(bits) - (light <= self.below.take(bits)))
 
 
 @cache
@@ -190,7 +192,29 @@ def _exposed(exposure: float) -> Steps:
     with np.errstate(over="ignore"):
         for _ in range(3):
             light = np.where(light.astype(np.float64) * scale >= edges, light, np.nextafter(light, np.float32(np.inf)))
-    return Steps(np.float32(scale), first, np.where(np.isfinite(light), light, np.float32(np.nan)))
+    light = np.where(np.isfinite(light), light, np.float32(np.nan))
+    return Steps(np.float32(scale), first, light, *_by_upper_bits(np.unique(light[light <= FLOATS_END])))
+
+
+FLOATS_END = np.finfo(np.float32).max
+INFINITE = 0x7F80
+"""The upper 16 bits of infinity, and of some NaN."""
+
+
+def _by_upper_bits(edges: NDArray[np.float32]) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """The tables of `Steps` by the upper 16 bits of a value. edges : the light from which on each code is reached.
+
+    The values of an entry differ by 1/128, in which the transfer function rises by 0.9 codes at most. Negative values
+    and NaN have the code 0. That of infinity is 0 - 1, which is 255 in 8 bits.
+    """
+    ends = (np.arange(INFINITE + 1, dtype=np.uint32) << 16).view(np.float32)
+    last, below = np.zeros(1 << 16, np.uint8), np.full(1 << 16, np.nan, np.float32)
+    codes = np.searchsorted(edges, ends)  # of the value before
+    last[:INFINITE] = codes[1:]
+    some = np.flatnonzero(np.diff(codes))
+    below[some] = np.nextafter(edges[codes[some]], np.float32(0.0))
+    below[INFINITE] = np.inf
+    return last, below
 
 
 INTERVALS = 4096

@@ -98,6 +98,20 @@ def test_the_code_of_each_value_is_the_rounded_transfer_function() -> None:
     assert odd.tolist() == [[[0, 0, 255], [0, 0, 255]]]
 
 
+@pytest.mark.parametrize("exposure", [0.0, 30.0, -30.0, 0.37])
+def test_the_code_of_each_float32_is_that_of_float64(exposure: float) -> None:
+    """Of any bits, with NaN of all kinds, and just below and just above each value at which the code changes."""
+    tone = ToneMapping("linear", exposure)
+    assert tone.steps is not None
+    edges = np.unique(tone.steps.light[np.isfinite(tone.steps.light)])
+    bits = np.random.default_rng(2).integers(0, 1 << 32, 100_000, dtype=np.uint32)
+    odd = np.array([0x7F800000, 0x7F800001, 0x7FC00000, 0xFF800000, 0xFF800001, 0xFFFFFFFF, 0x80000000, 1], np.uint32)
+    around = [np.nextafter(edges, np.float32(end)) for end in (-np.inf, np.inf)]
+    values = np.concatenate([bits.view(np.float32), odd.view(np.float32), edges, *around])
+    with np.errstate(invalid="ignore"):
+        assert np.array_equal(tone.steps.codes(values), encode(tone.apply(values[:, None] * [1, 1, 1]))[:, 0])
+
+
 def test_dithering_keeps_the_mean_and_repeats() -> None:
     ramp = np.broadcast_to(np.linspace(0.2, 0.21, 64)[None, :, None], (256, 64, 3))
     first, second = (ToneMapping(dither=True).image(ramp) for _ in range(2))
