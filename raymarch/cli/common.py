@@ -28,7 +28,12 @@ class Errors(Console):
 
     def print(self, *objects: Any, **how: Any) -> None:
         """Print texts, each as one line without control characters."""
-        super().print(*(printable(each) if isinstance(each, str) else each for each in objects), **how)
+        texts = [printable(each) if isinstance(each, str) else each for each in objects]
+        if self.is_terminal or how or not all(isinstance(each, str) for each in texts):
+            super().print(*texts, **how)
+            return
+        with suppress(OSError):  # the same in a tenth of the time
+            self.file.write(" ".join(texts) + "\n")
 
     def say(self, *sentences: str) -> None:
         """Print sentences of the program, each on a line of its own."""

@@ -23,6 +23,9 @@ from raymarch.export.stills import key_of
 from raymarch.files import write
 from raymarch.gpu.renderer import Renderer
 
+QUICK = 100.0
+"""Milliseconds of a frame of a film below which the next one is drawn at once, and its parts are not reported."""
+
 
 def draw_here(job: Job, report: Report) -> None:
     """Draw the pictures, write their files, and tell of each on stderr. A film and a picture of tiles are joined."""
@@ -43,10 +46,12 @@ def draw_here(job: Job, report: Report) -> None:
             reuse = job.sequence or job.large
             runner = Runner(renderer, scene, job.shot, parts, shown, reuse, report.asked)
             report.by(renderer)
+            quick = False
             for i, item in enumerate(job.items):
                 start = clock_time.perf_counter()
+                progress(i)
                 tell = partial(lambda before, share: progress(before + share), i)
-                item, made = _drawn(job, runner, item, i, tell)
+                item, made = _drawn(job, runner, item, i, None if quick else tell)
                 report.drawn(item, made, clock_time.perf_counter() - start)
                 if made is None:
                     if not job.large:
@@ -56,6 +61,7 @@ def draw_here(job: Job, report: Report) -> None:
                     later(partial(_save, item.file, made.writer, end, report), made.writer.before)
                 if add is not None:
                     add(item.file if made is None else made.view.image())
+                quick = job.sequence and made is not None and made.milliseconds < QUICK
                 del made  # the next frame then reads no arrays of this one
             drawn_at, key = clock_time.perf_counter(), None
             if job.large:
@@ -86,7 +92,7 @@ def _length(count: int, fps: float) -> str:
 
 
 def _drawn(
-    job: Job, runner: Runner, item: Item, number: int, tell: Callable[[float], None]
+    job: Job, runner: Runner, item: Item, number: int, tell: Callable[[float], None] | None
 ) -> tuple[Item, Picture | None]:
     """`Runner.picture`; an error of --strict names the frame."""
     try:

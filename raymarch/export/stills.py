@@ -9,15 +9,16 @@ import hashlib
 import io
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, PngImagePlugin, UnidentifiedImageError
+from PIL import Image, UnidentifiedImageError
 
 import raymarch
 from raymarch.errors import Doubt, RenderError
+from raymarch.export import png
 from raymarch.export.layers import ARRAYS, layers_of
 from raymarch.expr.images import write_channels
 from raymarch.gpu.driver import Driver
@@ -30,6 +31,7 @@ from raymarch.gpu.views import light, picture, scale_of
 from raymarch.plan import lights
 from raymarch.scene.parameter import ParamValue, set_values
 from raymarch.scene.scene import Scene
+from raymarch.scene.value import Value
 
 ENTRY = "raymarch"
 """The name of the text in a PNG file that holds the key."""
@@ -105,12 +107,19 @@ def content_of(
     made = hashlib.sha256()
     if scene.motion_blur:
         made.update(f"shutter {scene.camera.open_seconds(values)!r}\0".encode())
-    for fact in (raymarch.__version__, label, scene.quality, scene.tone, size, *([] if part is None else [part])):
+    made.update(_stated(scene.quality, scene.tone))
+    for fact in (raymarch.__version__, label, size, *([] if part is None else [part])):
         made.update(repr(fact).encode() + b"\0")
     made.update(ready.digest)
     for name, value in sorted(uniforms.items()):
         made.update(name.encode() + b"\0" + np.asarray(getattr(value, "values", value), np.float64).tobytes())
     return made.hexdigest()
+
+
+@lru_cache(8)
+def _stated(*values: Value) -> bytes:
+    """Values as text. To make it takes longer than to encode a small picture."""
+    return "".join(f"{value!r}\0" for value in values).encode()
 
 
 def key_of(content: str | None, driver: Driver) -> str | None:
@@ -138,15 +147,13 @@ def save(image: Image.Image, file: Path, suffix: str, key: str | None) -> None:
     file.write_bytes(encoded(image, suffix, key))
 
 
-def encoded(image: Image.Image, suffix: str, key: str | None, draft: bool = False) -> memoryview:
-    """The bytes of an 8-bit picture; see `save`. draft : compress a PNG file little, in half of the time."""
-    entries = PngImagePlugin.PngInfo()
-    if key is not None:
-        entries.add_text(ENTRY, key)
+def encoded(image: Image.Image, suffix: str, key: str | None, draft: bool = False) -> bytes:
+    """The bytes of an 8-bit picture; see `save`. draft : compress a PNG file little, in a third of the time."""
+    if suffix == ".png":
+        return png.encode(image, {} if key is None else {ENTRY: key}, draft)
     made = io.BytesIO()  # Pillow's encoders in C do not notice a disk that takes a part only
-    options = {"pnginfo": entries, **({"compress_level": 1} if draft else {})}
-    image.save(made, FORMATS[suffix], **(options if suffix == ".png" else {}))
-    return made.getbuffer()
+    image.save(made, FORMATS[suffix])
+    return made.getvalue()
 
 
 def draw(

@@ -180,17 +180,17 @@ def test_a_folder_that_cannot_be_written(folder: Path, output: str, answer: str,
 def test_a_picture_that_cannot_be_written_leaves_the_old_one(
     folder: Path, fault: Exception, monkeypatch: Any, capsys: Any
 ) -> None:
-    (folder / "hello.png").write_bytes(b"old")
+    (folder / "hello.jpg").write_bytes(b"old")
 
     def save(self: Image.Image, file: io.BytesIO, kind: str, **_: Any) -> None:
         file.write(b"half")
         raise fault
 
     monkeypatch.setattr(Image.Image, "save", save)
-    assert run("render", "hello.py", *SMALL) == 2
+    assert run("render", "hello.py", "-o", "hello.jpg", *SMALL) == 2
     message = capsys.readouterr().err
-    assert message.startswith("raymarch: cannot write 'hello.png': ") and str(fault.args[-1]) in message
-    assert names(folder) == {"hello.py", "hello.png"} and (folder / "hello.png").read_bytes() == b"old"
+    assert message.startswith("raymarch: cannot write 'hello.jpg': ") and str(fault.args[-1]) in message
+    assert names(folder) == {"hello.py", "hello.jpg"} and (folder / "hello.jpg").read_bytes() == b"old"
 
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".webp", ".tif", ".bmp", ".gif"])
@@ -339,7 +339,7 @@ def test_a_stop_on_the_way_leaves_no_half_file(folder: Path, stop: Any, monkeypa
         raise stop
 
     monkeypatch.setattr(Image.Image, "save", save)
-    assert run("render", "hello.py", *SMALL) != 0
+    assert run("render", "hello.py", "-o", "hello.jpg", *SMALL) != 0
     assert names(folder) == {"hello.py"}
 
 

@@ -8,10 +8,11 @@ import subprocess
 import sys
 import time
 import weakref
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +20,8 @@ from PIL import Image, ImageSequence
 
 import raymarch as rm
 from raymarch.export.film import write_film
-from raymarch.export.sequence import Parts, frames_of
+from raymarch.export.sequence import Item, Parts, Runner, frames_of
+from raymarch.export.stills import Shot
 from tests.support.commands import files, run
 
 SCENE = """import raymarch as rm
@@ -83,6 +85,21 @@ def test_a_rerun_draws_only_what_is_missing_or_not_whole(folder: Path, capsys: p
     assert draw("f_%04d.png") == 0 and drawn(capsys) == 3
     assert {name: (folder / name).read_bytes() for name in files(folder)} == before
     assert draw("f_%04d.png", frames="4:8") == 0 and drawn(capsys) == 2
+
+
+def test_frames_after_a_quick_one_are_drawn_at_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[bool] = []
+    own = Runner.picture
+
+    def picture(self: Runner, item: Item, shot: Shot, progress: Callable[[float], None] | None) -> Any:
+        told.append(progress is not None)
+        return own(self, item, shot, progress)
+
+    monkeypatch.setattr(Runner, "picture", picture)
+    monkeypatch.setattr("raymarch.cli.drawing.QUICK", 1e9)
+    assert draw("f_{}.png", frames="0:3") == 0 and told == [True, False, False]
+    monkeypatch.setattr("raymarch.cli.drawing.QUICK", 0.0)
+    assert draw("g_{}.png", frames="0:2") == 0 and told[3:] == [True, True]
 
 
 @pytest.mark.parametrize("change", ["--set glow=0.9", "--size 34x20", "--view normal", "--samples 2", "--quality fine"])
