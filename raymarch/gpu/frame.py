@@ -202,7 +202,8 @@ class Frame:
 
     @property
     def alpha(self) -> NDArray[np.float32]:
-        """Fraction of each pixel that surfaces cover, 0 to 1, float32, (H, W); of as many rays as the picture.
+        """Fraction of each pixel in which surfaces, visible lights or fog hide the sky, 0 to 1, float32, (H, W); of as
+        many rays as the picture.
 
         It is rendered on first access; the renderer must still be open then.
         """
@@ -263,8 +264,9 @@ class Frame:
 
         Parameters
         ----------
-        alpha : make the sky transparent: an RGBA picture whose colours do not contain the sky (straight alpha). Light
-            that a post effect carries beyond the surfaces is as opaque as its brightest channel, at most 1.
+        alpha : make the sky transparent: an RGBA picture whose colours do not contain the sky (straight alpha). Fog
+            before the sky is as opaque as it hides the sky. Light that a post effect carries beyond the surfaces is as
+            opaque as its brightest channel, at most 1.
 
         Returns
         -------

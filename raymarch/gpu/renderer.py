@@ -238,10 +238,10 @@ class Renderer:
             return render_for("color", scene, "alpha")[0]["color"].array("color")
 
         def transparency() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-            covered = color_of(silhouette(scene, samples))[..., 0]
-            if scene.post:  # the light of the sky is spread over the picture
-                return covered, color_of(silhouette(scene, samples, 0.0, scene.sky, scene.post))
-            return covered, (1.0 - np.clip(covered, 0.0, 1.0))[..., None] * picture.sky(size)
+            seen = color_of(silhouette(scene, samples))[..., 0]
+            if scene.post or (scene.fog is not None and scene.fog.covers_sky):  # spread, or dimmed in colour
+                return 1.0 - seen, color_of(silhouette(scene, samples, scene.sky, scene.post))
+            return 1.0 - seen, np.clip(seen, 0.0, 1.0)[..., None] * picture.sky(size)
 
         frame = Frame(
             size=size,

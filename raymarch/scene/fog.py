@@ -55,6 +55,10 @@ class Atmosphere(Part):
         """The same, relative to an origin, (3,)."""
         raise NotImplementedError
 
+    def absorbing(self) -> Self:
+        """The same, but it gives no light of its own. Asked where it covers the sky."""
+        raise NotImplementedError
+
     def applied(self, sky: Sky, lights: Sequence[Light], where: Location | None) -> Expr:
         """The radiance that arrives at ORIGIN of COLOR. sky, lights, where : of the scene."""
         raise NotImplementedError
@@ -129,6 +133,10 @@ class Fog(Atmosphere):
         series = _series(min(change, SERIES))
         reach = where(change < SERIES, LENGTH * series, (1.0 - exp(-change)) / max(abs(rate), SMALLEST))
         return self.density * min(reach * exp(denser), 1e30)
+
+    def absorbing(self) -> Fog:
+        """The same in black."""
+        return self.replace(color=(0.0, 0.0, 0.0))
 
     def moved(self, origin: Any) -> Fog:
         return self.replace(height=self.height - float(origin[1]))

@@ -135,6 +135,10 @@ class Medium(Atmosphere):
         own = self.density.body if isinstance(self.density, Function) else self.density
         return [own, self.albedo, self.anisotropy, *([] if self.ambient is None else [self.ambient])]
 
+    def absorbing(self) -> Medium:
+        """The same, but it scatters no light."""
+        return self.replace(albedo=(0.0, 0.0, 0.0))
+
     def moved(self, origin: Any) -> Medium:
         """The same medium, relative to an origin."""
         density = self.density

@@ -45,6 +45,24 @@ def test_the_sky_is_transparent_and_not_in_the_colours(samples: int, sky: str, e
     assert np.all(picture[alpha == 0][:, :3] == 0)
 
 
+CLOUD = rm.Medium(0.8, ((-1.5, -1, -1), (1.5, 1, 1)), ambient=(0.3, 0.5, 0.2), steps=4)
+HAZE = rm.Fog((0.3, 0.4, 0.5), 0.2, falloff=0.5)
+LAMP = rm.SphereLight((1.4, 0.2, 0), 0.3, intensity=0.05, visible=True)
+
+
+@pytest.mark.parametrize("parts", [{"fog": CLOUD}, {"fog": HAZE}, {"lights": [LAMP]}, {"lights": [LAMP], "fog": CLOUD}])
+def test_what_hides_the_sky_is_opaque(parts: dict[str, Any], egl: Context) -> None:
+    """Laid over another sky, a picture without its sky is the picture of that sky: of smoke, mist and lamps too."""
+    blue, red = ((0.1, 0.2, 0.9), (0.7, 0.1, 0.1))
+    made = scene_of(4, sky=blue).replace(**parts)
+    with rm.Renderer((48, 36), context=egl) as renderer:
+        light = renderer.render(made).premultiplied()
+        expected = renderer.render(made.replace(sky=rm.Sky(red))).color
+    over = light[..., :3] + (1 - light[..., 3:]) * np.array(red)
+    assert np.abs(over - expected).max() < 1e-4
+    assert np.ptp(light[..., 3]) > 0.3
+
+
 @pytest.mark.parametrize("samples", [1, 2])
 def test_transparency_does_not_restart_the_mean_of_frames(samples: int, egl: Context) -> None:
     quality = rm.Quality(samples=samples, temporal="accumulate")

@@ -22,6 +22,7 @@ from raymarch.plan import plan
 from raymarch.scene.fog import Atmosphere
 from raymarch.scene.parameter import set_values
 from raymarch.scene.post import PostEffect
+from raymarch.scene.silhouette import Veil
 from raymarch.scene.texture import Layout
 from raymarch.scene.value import Part, Value, parameters_of
 from raymarch.sdf.definition import REGISTRY
@@ -59,6 +60,7 @@ VALUES: dict[str, tuple[Callable[[], Value], dict[str, Any]]] = {
         {"density": -1, "anisotropy": 1.0, "steps": 0, "bounds": 3},
     ),
     "Fog": (lambda: rm.Fog((1, 1, 1), 0.2), {"density": -1, "color": 5}),
+    "Veil": (lambda: Veil(rm.Fog((1, 1, 1), 0.2, 1.0)), {"fog": "mist"}),
     "ToneMapping": (lambda: rm.ToneMapping("aces", 1.5), {"curve": "film", "exposure": 31, "dither": "yes"}),
     "Bloom": (lambda: rm.Bloom(rm.Param("glow", 0.2, 0, 1)), {"strength": 1.5, "radius": -1}),
     "AmbientOcclusion": (lambda: rm.AmbientOcclusion(7, 0.4), {"steps": 33, "reach": 0, "decay": 2}),
@@ -89,7 +91,7 @@ def test_every_value_class_is_tried() -> None:
     kinds = all_value_classes() - {Part, PostEffect, Atmosphere}  # bases without fields
     assert {type(make()) for make, _ in VALUES.values()} | {rm.ImageSky} == kinds
     public = {getattr(rm, name) for name in rm.__all__ if inspect.isclass(getattr(rm, name))}
-    assert kinds - public == {Layout}
+    assert kinds - public == {Layout, Veil}
     for kind in kinds:
         assert dataclasses.is_dataclass(kind) and kind.__dataclass_params__.frozen  # type: ignore[attr-defined]
     assert not any(hasattr(make(), "__dict__") for make, _ in VALUES.values())
