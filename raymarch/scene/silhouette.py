@@ -59,7 +59,5 @@ def silhouette(scene: Scene, samples: int, sky: Sky = WHITE, post: tuple[PostEff
     samples : of which the picture is the mean. sky, post : in place of the white sky and of no post effect.
     """
     quality = replace(scene.quality, samples=samples, temporal="off", steps_per_pass=None, lights_per_pass=None)
-    seen = [light.replace(shadow=False) for light in scene.lights if light.visible]
-    return scene.replace(
-        lights=seen, sky=sky, fog=Veil(scene.fog), bounces=0, occlusion=None, quality=quality, post=post
-    )
+    seen, fog = [light for light in scene.lights if light.visible], Veil(scene.fog)
+    return scene.replace(lights=seen, sky=sky, fog=fog, bounces=0, occlusion=None, quality=quality, post=post)
