@@ -26,6 +26,11 @@ float hard_shadow(Surface surface, Light light) {
 #ifdef STRETCH
     begin_stretch(range.y - range.x);
 #endif
+#ifdef CUTS
+#ifdef ADVANCE
+    approach = 1.0;
+#endif
+#endif
     for (int i = 0; i < shadow_steps; i++) {
 #ifdef CUTS
         float noise = noise_of(ray, at.t);
@@ -39,6 +44,9 @@ float hard_shadow(Surface surface, Light light) {
         if (at.t + min(z, at.r) >= range.y) return 1.0;
         float t = at.t + z;
 #ifdef ADVANCE
+#ifdef CUTS
+        float rate = approach;
+#endif
 #ifdef ANALYTIC
         float r = way_ahead(ray, t, u_side, inside);
 #else
@@ -53,7 +61,11 @@ float hard_shadow(Surface surface, Light light) {
 #endif
 #ifdef CUTS
         if (doubtful) {
+#ifdef ADVANCE
+            if (enters(at, t, value_there, noise)) return t < end ? 0.0 : 1.0;
+#else
             if (enters(at, t, r, noise)) return t < end ? 0.0 : 1.0;
+#endif
             continue;
         }
 #endif
@@ -61,16 +73,21 @@ float hard_shadow(Surface surface, Light light) {
         float proven = i == 0 ? z - skipped + 0.25 * offset : at.r;
 #ifdef CUTS
         if (first && i > 0) proven = z;
-        if (r < -noise && t < end) return 0.0;
 #ifdef ADVANCE
+        if (value_there < -noise && t < end) return 0.0;
         bool empty = z <= proven + way_behind;
 #else
+        if (r < -noise && t < end) return 0.0;
         bool empty = z <= proven + abs(r);
 #endif
         bool known = z > 0.0 && !first && i > 0;
         slope = known ? (r - at.r) / z : 0.0;
         if (r <= near + GROWTH * t && empty && slope <= 0.0) {
+#ifdef ADVANCE
+            doubt_ahead(at, t, known ? slope : -1.0, rate, noise);
+#else
             doubt(at, t, r, known ? slope : -1.0);
+#endif
             continue;
         }
         move(at, empty, t, r, known ? slope : at.derivative);

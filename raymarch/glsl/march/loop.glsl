@@ -63,7 +63,12 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
         leap = max(leap, 4.0 * GROWTH * at.t);
         float depth = max(0.7 * touch + noise, 0.0);
         bool doubtful = in_doubt(at);
+#ifdef ADVANCE
+        bool first = abs(at.r) <= 2.0 * noise;  // the ray starts on a face of the scene's box
+        float rate = approach;
+#else
         bool first = abs(at.r) <= noise;  // the ray starts on a face of the scene's box
+#endif
         float below = at.r + depth;
         float reach = longest_last_step(widths, at.t);
         float secant = at.last_derivative < 0.0 ? min(below / -at.last_derivative, depth + longest) : at.r;
@@ -88,7 +93,13 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #endif
 #ifdef CUTS
         if (doubtful) {
+#ifdef ADVANCE
+            found = enters(at, t, value_there, noise);
+            if (found) at.r -= noise;  // as of all samples inside
+            if (found) approach = -at.last_derivative;
+#else
             found = enters(at, t, next, noise);
+#endif
             if (found) break;
             continue;
         }
@@ -100,7 +111,11 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #endif
         bool between = at.refining && at.r < 0.0;  // the last sample is inside, so the surface lies before it
 #ifdef CUTS
+#ifdef ADVANCE
+        float derivative = z != 0.0 && !(first && next > 0.0) ? (next - (next < 0.0 ? rate : 1.0) * at.r) / z : at.derivative;
+#else
         float derivative = z != 0.0 && !(first && next > 0.0) ? (next - at.r) / z : at.derivative;
+#endif
         bool empty = first || between || z <= at.r + behind + leap;  // else the step may have passed a surface
         bool certain = first || z <= at.r + behind;
 #else
@@ -123,11 +138,20 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
         if (found) break;
 #endif
 #ifdef CUTS
+#ifdef ADVANCE
+        bool unproven = near ? next <= 2.0 * depth : empty && (aiming || first) && value_there <= 2.0 * depth;
+        unproven = unproven && value_there >= -noise && at.r >= -2.0 * noise;
+        if (unproven && (aiming || first || derivative < 0.0)) {
+            doubt_ahead(at, t, derivative, rate, noise);
+            continue;
+        }
+#else
         bool unproven = near && next >= -noise && at.r >= -noise && next <= 2.0 * depth;
         if (unproven && (aiming || first || derivative < 0.0)) {
             doubt(at, t, next, derivative);
             continue;
         }
+#endif
         near = near && !unproven;
 #endif
         at.passing = at.passing || passed;

@@ -58,9 +58,10 @@ bool enters(inout March at, float t, float r, float noise) {
         if (!falls) at.derivative = left;
         return false;
     }
-    at.last_derivative = inside ? (falling ? rise : -at.last_derivative) : 0.0;
+    float slope = falling ? -rise : at.last_derivative;
+    at.last_derivative = inside ? -slope : 0.0;
     at.derivative = clamp(rate, 0.0, 0.999);
-    at.t = inside ? t : last.x;
+    at.t = inside ? min(t, (falling ? middle.x + middle.y / slope : at.t + at.r / slope) - r / slope) : last.x;
     at.r = inside ? r : max(last.y, 0.0);
     at.kept_t = 0.0;
     at.refining = false;

@@ -5,10 +5,16 @@ const float SLOPE_ERROR = 1.0e-6;  // of the slope along a ray in float32
 float approach = 1.0;  // how much the field falls per unit of the way to the surface, at the last sample that knew it
 float way_behind;  // how far the ray is free before the last sample, by the value of the field alone
 bool by_distance;  // whether that is also all that is known ahead
+#ifdef CUTS
+float value_there;  // the field at the last sample, as no surface lies where it falls to 0 and rises again
+#endif
 
 float free_way(vec2 found, float level, float side) {
     float r = side * found.x - level;
     way_behind = abs(r);
+#ifdef CUTS
+    value_there = side * found.x;
+#endif
     float way = side * found.y;
     if (way > 0.0 && r > 7.0 * level) approach = min(r / way, 1.0);
     by_distance = way < 1.01 * r;

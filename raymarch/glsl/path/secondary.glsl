@@ -25,6 +25,11 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
 #ifdef STRETCH
     begin_stretch(range.y - begin);
 #endif
+#ifdef CUTS
+#ifdef ADVANCE
+    approach = 1.0;
+#endif
+#endif
     for (int i = 0; i < secondary_steps; i++) {
 #ifdef CUTS
         float noise = noise_of(ray, at.t);
@@ -40,6 +45,9 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
         float t = at.t + z;
         vec3 p = ray.origin + t * ray.direction;
 #ifdef ADVANCE
+#ifdef CUTS
+        float rate = approach;
+#endif
 #ifdef ANALYTIC
         float r = way_ahead(ray, t, side * u_side, inside);
 #else
@@ -56,7 +64,11 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
         hit.evaluations += 1.0;
 #endif
 #ifdef CUTS
+#ifdef ADVANCE
+        bool entered = doubtful && enters(at, t, value_there, noise);
+#else
         bool entered = doubtful && enters(at, t, r, noise);
+#endif
         if (doubtful && !entered) continue;
 #endif
         bool near = r < nearness(p, travelled + t, share);
@@ -76,9 +88,17 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
 #endif
         bool known = z > 0.0 && !first && i > 0;
         slope = entered ? at.last_derivative : known ? (r - at.r) / z : 0.0;
+#ifdef ADVANCE
+        bool unproven = empty && near && value_there >= -noise;
+#else
         bool unproven = empty && near && r >= -noise;
+#endif
         if (unproven && (first || r < at.r)) {
+#ifdef ADVANCE
+            doubt_ahead(at, t, known ? slope : -1.0, rate, noise);
+#else
             doubt(at, t, r, known ? slope : -1.0);
+#endif
             continue;
         }
 #else
