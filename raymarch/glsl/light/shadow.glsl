@@ -62,7 +62,7 @@ float hard_shadow(Surface surface, Light light) {
 #ifdef CUTS
         if (doubtful) {
 #ifdef ADVANCE
-            if (enters(at, t, value_there, noise)) return t < end ? 0.0 : 1.0;
+            if (enters_ahead(at, t, noise)) return t < end ? 0.0 : 1.0;
 #else
             if (enters(at, t, r, noise)) return t < end ? 0.0 : 1.0;
 #endif

@@ -64,7 +64,7 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
         float depth = max(0.7 * touch + noise, 0.0);
         bool doubtful = in_doubt(at);
 #ifdef ADVANCE
-        bool first = abs(at.r) <= 2.0 * noise;  // the ray starts on a face of the scene's box
+        bool first = at.r <= 0.0 && at.r >= -2.0 * noise;  // the ray starts on a face of the scene's box
         float rate = approach;
 #else
         bool first = abs(at.r) <= noise;  // the ray starts on a face of the scene's box
@@ -94,9 +94,7 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #ifdef CUTS
         if (doubtful) {
 #ifdef ADVANCE
-            found = enters(at, t, value_there, noise);
-            if (found) at.r -= noise;  // as of all samples inside
-            if (found) approach = -at.last_derivative;
+            found = enters_ahead(at, t, noise);
 #else
             found = enters(at, t, next, noise);
 #endif

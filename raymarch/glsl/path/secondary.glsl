@@ -65,7 +65,7 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
 #endif
 #ifdef CUTS
 #ifdef ADVANCE
-        bool entered = doubtful && enters(at, t, value_there, noise);
+        bool entered = doubtful && enters_ahead(at, t, noise);
 #else
         bool entered = doubtful && enters(at, t, r, noise);
 #endif
