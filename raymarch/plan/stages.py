@@ -424,8 +424,7 @@ def marching_of(asked: Asked, fields: FieldPlan, size: tuple[int, int] | None) -
     closed, cells = fields.analytic, bool(fields.gathered.rows)
     marched = count_operations([closed.rest.body], turns=not cells) if closed.rest else fields.operations
     read = reads([(closed.rest or fields.field).body])
-    far = not all(node.facts.bounded for node in (closed.marched if closed.used else [asked.scene.node]))
-    some = bool(closed.marched) or not closed.used
-    ahead = partial(fields.advancing, True) if some else None
-    given = asked.scene, marched, size, asked.standalone, cells, closed.used, far, ahead, read, asked.prices
-    return marching.choose(*given)
+    bounded = [node.facts.bounded for node in (closed.marched if closed.used else [asked.scene.node])]
+    ahead = fields.advancing if closed.marched or not closed.used else None
+    given = asked.scene, marched, size, asked.standalone, cells, closed.used, not all(bounded), ahead
+    return marching.choose(*given, read, sum(bounded), asked.prices)

@@ -24,8 +24,9 @@ def test_scenes_whose_solids_are_all_known_along_rays_take_it(name: str) -> None
 @pytest.mark.parametrize(
     ("name", "why"),
     [
-        ("csg", "a cut may leave a membrane"),
-        ("village", "a cut may leave a membrane"),
+        ("csg", "which is more than it saves"),
+        ("village", "takes long to compile"),
+        ("showcase/neon", "of capped_torus nothing but the distance"),
         ("papers/frosted", "inside of solids too"),
         ("large/city", "of repeat_varied nothing but the distance"),
         ("papers/glass", "inside of solids too"),
@@ -34,6 +35,19 @@ def test_scenes_whose_solids_are_all_known_along_rays_take_it(name: str) -> None
 def test_scenes_that_lose_time_by_it_do_not(name: str, why: str) -> None:
     marching = plan(load(EXAMPLES / f"{name}.py"), size=(320, 180)).marching
     assert marching.tracer == "bracketing" and why in marching.tracer_reason
+
+
+def test_many_solids_of_which_some_boxes_alone_are_known_take_it() -> None:
+    marching = plan(load(EXAMPLES / "papers/array.py"), size=(320, 180)).marching
+    assert marching.tracer == "advance" and "up to the boxes of others" in marching.tracer_reason
+    assert not marching.free
+
+
+def test_carved_solids_take_it() -> None:
+    carved = rm.box(1) - rm.sphere(0.62).translate((0.1, 0, 0))
+    for node in (carved | rm.rounded_box(1, 0.1).translate((2, 0, 0)), rm.box(1) ^ rm.box(1).translate((0.5, 0, 0))):
+        marching = plan(rm.Scene(node), size=(320, 180)).marching
+        assert marching.tracer == "advance" and not marching.free
 
 
 def test_flat_fields_are_marched_by_distance() -> None:

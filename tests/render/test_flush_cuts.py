@@ -21,6 +21,8 @@ from tests.lab.flush_cuts import (
 )
 
 SHORT = ("plate .001", "each far", "shadow", "mirror", "xor", "xor of itself", "touching glass", "endless glass cells")
+AHEAD = ("extruded", "itself", "glass cells")
+ADVANCE = rm.Quality(tracer="advance")
 ALLOWED = 2
 """Pixels whose ray passes an edge within the error of a hit."""
 
@@ -36,6 +38,14 @@ def test_no_membrane_is_drawn(name: str, small: rm.Renderer) -> None:
     flush, clear, given = CASES[name]
     shader, truth = differences(small, flush, clear, **given)
     assert max(shader) <= ALLOWED and max(truth) <= 1
+
+
+@pytest.mark.parametrize("name", AHEAD)
+def test_no_membrane_is_drawn_by_rays_that_ask_how_far_they_are_free(name: str, small: rm.Renderer) -> None:
+    flush, clear, given = CASES[name]
+    quality = given.get("quality", ADVANCE).replace(tracer="advance")
+    shader, _ = differences(small, flush, clear, **{**given, "quality": quality})
+    assert max(shader) <= ALLOWED
 
 
 def test_no_membrane_of_random_tools_is_drawn(small: rm.Renderer) -> None:
@@ -57,11 +67,20 @@ def test_a_tool_moves_through_the_face(small: rm.Renderer) -> None:
     assert list(hit.values()) == [True, False, False, False]
 
 
-@pytest.mark.parametrize("name", ["box", "turned sheet"])
-def test_what_is_a_thousandth_of_a_pixel_thick_is_drawn(name: str, small: rm.Renderer) -> None:
+@pytest.mark.parametrize("tracer", ["bracketing", "advance"])
+@pytest.mark.parametrize("name", ["box", "sheet", "turned sheet"])
+def test_what_is_a_thousandth_of_a_pixel_thick_is_drawn(name: str, tracer: str, small: rm.Renderer) -> None:
     node = shells(2.5e-3)[name]
-    shader, _ = differences(small, node, node, lights=[])
+    shader, _ = differences(small, node, node, lights=[], quality=rm.Quality(tracer=tracer))
     assert max(shader) <= ALLOWED
+
+
+def test_a_shell_is_hit_in_front(small: rm.Renderer) -> None:
+    """A sample in the rear half of a thin shell does not put the hit there, where the normal is that of the cavity."""
+    node = shells(2.5e-3)["box"]
+    for tracer in ("bracketing", "advance"):
+        shader, _ = differences(small, node, node, quality=rm.Quality(tracer=tracer))
+        assert shader[2] <= 8
 
 
 def test_a_disc_without_thickness_beside_a_cut_is_drawn(small: rm.Renderer) -> None:

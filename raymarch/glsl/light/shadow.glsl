@@ -45,6 +45,7 @@ float hard_shadow(Surface surface, Light light) {
         float t = at.t + z;
 #ifdef ADVANCE
 #ifdef CUTS
+        noise = noise_of(ray, t);
         float rate = approach;
 #endif
 #ifdef ANALYTIC

@@ -109,11 +109,7 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #endif
         bool between = at.refining && at.r < 0.0;  // the last sample is inside, so the surface lies before it
 #ifdef CUTS
-#ifdef ADVANCE
-        float derivative = z != 0.0 && !(first && next > 0.0) ? (next - (next < 0.0 ? rate : 1.0) * at.r) / z : at.derivative;
-#else
         float derivative = z != 0.0 && !(first && next > 0.0) ? (next - at.r) / z : at.derivative;
-#endif
         bool empty = first || between || z <= at.r + behind + leap;  // else the step may have passed a surface
         bool certain = first || z <= at.r + behind;
 #else
@@ -137,6 +133,12 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #endif
 #ifdef CUTS
 #ifdef ADVANCE
+        noise = noise_of(ray, t);  // a step may be long
+#ifdef ORTHOGRAPHIC
+        depth = max(0.7 * (widths.x * t + hit_width(widths)) + noise, 0.0);
+#else
+        depth = max(0.7 * (widths.x + hit_width(widths) * t) + noise, 0.0);
+#endif
         bool unproven = near ? next <= 2.0 * depth : empty && (aiming || first) && value_there <= 2.0 * depth;
         unproven = unproven && value_there >= -noise && at.r >= -2.0 * noise;
         if (unproven && (aiming || first || derivative < 0.0)) {

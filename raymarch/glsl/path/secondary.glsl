@@ -65,6 +65,7 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
 #endif
 #ifdef CUTS
 #ifdef ADVANCE
+        noise = noise_of(ray, t);
         bool entered = doubtful && enters_ahead(at, t, noise);
 #else
         bool entered = doubtful && enters(at, t, r, noise);
