@@ -1,4 +1,4 @@
-"""Proofs of hard shadows: what each ray from a hit to a light meets, held against a picture of that light alone."""
+"""Proofs of hard shadows: what each ray from a hit to a light meets, held against a picture that shows it alone."""
 
 from __future__ import annotations
 
