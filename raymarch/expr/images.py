@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageOps
 
 from raymarch.errors import SceneError
 from raymarch.expr.srgb import srgb_to_linear
@@ -63,12 +63,14 @@ def read_stored(
 def opened(what: str, file: str | PathLike[str], largest: int, least: int = 1) -> Iterator[Image.Image]:
     """A picture that Pillow reads, opened. SceneError with its name for any fault, also of the block that decodes it.
 
-    Only the header is read yet, so a picture whose size is refused takes neither time nor memory.
+    A photo stands upright, as its EXIF orientation says. Only the header is read before the size is checked, so a
+    picture whose size is refused takes neither time nor memory.
     """
     with reading(what, file, _legal(largest, least)), warnings.catch_warnings():
         warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # the size is checked here
         with Image.open(file) as picture:
             _check_size(what, file, picture.size, largest, least)
+            ImageOps.exif_transpose(picture, in_place=True)
             yield picture
 
 

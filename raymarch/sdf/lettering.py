@@ -272,7 +272,7 @@ def text(
         raise SceneError(f"text: string = {described(string)}", legal="a string")
     full, resolution = _checked("text", height, resolution)
     file = optional(file_path, "text: font", font, "a TrueType or OpenType file, or a name that the system knows")
-    letters = unicodedata.normalize("NFC", str(string))
+    letters = unicodedata.normalize("NFC", str(string).replace("\r\n", "\n"))
     found = None if file is None else next(filter(os.path.isfile, places_of(file)), None)
     if found is None:
         return _standing(sampled_letters, _written(letters, file, "", resolution), full)

@@ -85,6 +85,16 @@ def test_grey_files_of_any_kind_are_numbers(mode: str, tmp_path: Path) -> None:
     assert found == pytest.approx(128 / 255, rel=1e-3)
 
 
+def test_a_photo_stands_as_its_camera_was_held(tmp_path: Path) -> None:
+    stored = np.array([[0, 255], [128, 64]], np.uint8)
+    held = Image.Exif()
+    held[274] = 6  # the orientation: the first row as stored is the right column
+    Image.fromarray(stored).save(tmp_path / "p.png", exif=held)
+    value = rm.planar(tmp_path / "p.png", 2).number(POSITION)
+    found = [at(value, (x, y, 0)) * 255 for x, y in ((-0.5, 0.5), (0.5, 0.5), (-0.5, -0.5), (0.5, -0.5))]
+    np.testing.assert_allclose(found, [128, 0, 64, 255], atol=0.2)
+
+
 def test_the_channels_of_one_picture_are_one_texture(tmp_path: Path) -> None:
     Image.fromarray(RNG.integers(0, 256, (8, 8, 3), np.uint8)).save(tmp_path / "orm.png")
     maps = {c: rm.triplanar(tmp_path / "orm.png", channel=c) for c in "rgb"}

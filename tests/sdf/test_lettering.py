@@ -101,6 +101,11 @@ def test_a_letter_in_two_parts_is_the_letter_in_one() -> None:
     np.testing.assert_array_equal(parts.distance(PLANE), whole.distance(PLANE))
 
 
+def test_a_line_may_end_as_in_a_file_of_windows() -> None:
+    theirs, ours = (rm.text(f"a{end}b", DEJAVU, resolution=24) for end in ("\r\n", "\n"))
+    np.testing.assert_array_equal(theirs.distance(PLANE), ours.distance(PLANE))
+
+
 def test_half_a_character_is_none() -> None:
     with pytest.raises(SceneError, match="lacks"):
         rm.text("a\ud800")
