@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from raymarch.expr.branches import UNSEEN
 from raymarch.expr.function import Function, trace
 from raymarch.expr.node import Expr, const, construct, var
 from raymarch.expr.operations import operations
@@ -44,6 +45,7 @@ class Reflection:
     """
 
     def __init__(self, plan: Plan, values: Values) -> None:
+        self.forgets = plan.device.branches
         self.bsdf, self.values, self.material = plan.bsdf, values, material_of(plan)
         self.surface = struct("Surface", (("normal", VEC3), ("view", VEC3), ("material", self.material)))
         self.scattered = next((layer for layer in self.bsdf.layers if isinstance(layer, Scattered)), None)
@@ -70,6 +72,19 @@ class Reflection:
     def light(self, visibility: str, light: str = "light") -> str:
         """Reflected radiance of a light, which is the variable of a name."""
         return self._call("reflect_light", {"light": (LIGHT, light), "visibility": (FLOAT, visibility)}, self._light)
+
+    def after_shadow(self, shadow: str, share: str = "") -> list[str]:
+        """The lines that add reflected radiance after a shadow. share : what follows the sum.
+
+        For hardware its roughness and direction are ones that compilers do not know to be the same. Else they keep what
+        pdfs and the prepared values have computed of them while the shadow is traced.
+        """
+        if not self.forgets or "shadow" not in shadow:
+            return [f"color += {self.light(shadow)}{share};"]
+        lines = [f"float shown = {shadow};", f"light.direction += {UNSEEN.data};"]
+        if "roughness" in self.bsdf.fields:
+            lines.append(f"surface.material.roughness += {UNSEEN.data};")
+        return ["{", *(f"    {line}" for line in [*lines, f"color += {self.light('shown')}{share};"]), "}"]
 
     def _light(self, symbols: Mapping[str, Expr]) -> Expr:
         values, normal, _ = self._at(symbols)

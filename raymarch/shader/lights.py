@@ -187,7 +187,7 @@ class _Estimator:
     def lines(self) -> list[str]:
         """All lines."""
         found, visibility = self.before()
-        return found if visibility is None else [*found, f"color += {self.reflection.light(visibility)};"]
+        return found if visibility is None else [*found, *self.reflection.after_shadow(visibility)]
 
     def before(self) -> tuple[list[str], str | None]:
         """The lines but for the last, and the visibility of the light that the last line adds; None for no such line.
@@ -274,7 +274,7 @@ class _Estimator:
             before = group.times(2 * samples)
             weighted = _weighted(texts(), f"{group.number} + k / 2", before, self.reflection)
             lines += [f"    {line}" for line in weighted]
-        lines += [f"    color += {self.reflection.light(shown)} / {literal(samples)};", "}"]
+        lines += [f"    {line}" for line in self.reflection.after_shadow(shown, f" / {literal(samples)}")] + ["}"]
         return lines if not condition else [f"if ({condition}) {{", *(f"    {x}" for x in lines), "    continue;", "}"]
 
 

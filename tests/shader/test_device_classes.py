@@ -45,9 +45,15 @@ GLASS = rm.Scene(
 )
 
 LAMPS = [rm.PointLight((x, 2, 1), shadow=True, radius=0.1) for x in (-1, 1)]
+GLOSSY = rm.Scene(
+    rm.union(rm.sphere(0.6), rm.plane(offset=-0.6)).material(rm.Material(albedo=(0.8, 0.6, 0.3), roughness=0.3)),
+    lights=[rm.SphereLight((1, 2, 1), radius=0.4, shadow="sampled")],
+    sky=rm.GradientSky(light=True),
+)
+SCENES = {"union": SCENE, "tree of rays": GLASS, "lamps": SCENE.replace(lights=LAMPS), "glossy": GLOSSY}
 
 
-@pytest.mark.parametrize("scene", [SCENE, GLASS, SCENE.replace(lights=LAMPS)], ids=["union", "tree of rays", "lamps"])
+@pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
 def test_pictures_of_both_classes_are_the_same_on_a_software_driver(scene, monkeypatch):
     drawn = []
     for name in ("software", "hardware"):
@@ -97,6 +103,12 @@ def test_lights_are_not_kept_while_shadows_are_traced():
     again = re.findall(r"Light (light_\d) = \w+\(surface.p \+ u_unseen", texts[HARDWARE])
     kept = {device: text.count(" = light;") for device, text in texts.items()}
     assert again == ["light_0", "light_1"] and kept == {SOFTWARE: 2, HARDWARE: 0}
+
+
+def test_what_light_has_computed_is_not_kept_while_shadows_are_traced():
+    texts = {d: prepare(GLOSSY, device=d).texts["color"] for d in (SOFTWARE, HARDWARE)}
+    forgotten = {device: text.count("roughness += u_unseen") for device, text in texts.items()}
+    assert forgotten[SOFTWARE] == 0 < forgotten[HARDWARE]
 
 
 def part_at(ready):
