@@ -14,6 +14,7 @@ from raymarch.expr.vocabulary import max as maximum
 from raymarch.expr.walk import free_variables
 from raymarch.plan import Plan
 from raymarch.scene.bsdf import over_dielectric
+from raymarch.scene.fields import FIELDS
 from raymarch.scene.light import LIGHT
 from raymarch.scene.reflectance import LEAST_COSINE, RANDOM
 from raymarch.scene.subsurface import Scattered
@@ -45,8 +46,13 @@ class Reflection:
     """
 
     def __init__(self, plan: Plan, values: Values) -> None:
-        self.forgets = plan.device.branches
         self.bsdf, self.values, self.material = plan.bsdf, values, material_of(plan)
+        rough = {material.expressions[FIELDS.index("roughness")] for material in plan.scene.materials}
+        varies = "roughness" in self.bsdf.fields and (len(rough) > 1 or not all(value.is_constant for value in rough))
+        self.forgets = plan.device.branches
+        self.new_roughness = [f"surface.material.roughness += {UNSEEN.data};"] if self.forgets and varies else []
+        """A line that makes the roughness one that compilers do not know to be the same: for hardware. Else they keep
+        what they have computed of it until it is read for the last time. A constant costs nothing."""
         self.surface = struct("Surface", (("normal", VEC3), ("view", VEC3), ("material", self.material)))
         self.scattered = next((layer for layer in self.bsdf.layers if isinstance(layer, Scattered)), None)
         self.outside = plan.glass is not None and plan.model == "mixed" and bool(plan.scene.lights)
@@ -76,14 +82,12 @@ class Reflection:
     def after_shadow(self, shadow: str, share: str = "") -> list[str]:
         """The lines that add reflected radiance after a shadow. share : what follows the sum.
 
-        For hardware its roughness and direction are ones that compilers do not know to be the same. Else they keep what
-        pdfs and the prepared values have computed of them while the shadow is traced.
+        For hardware its roughness and direction are then ones that compilers do not know to be the same. Else they keep
+        what pdfs and the prepared values have computed of them while the shadow is traced.
         """
         if not self.forgets or "shadow" not in shadow:
             return [f"color += {self.light(shadow)}{share};"]
-        lines = [f"float shown = {shadow};", f"light.direction += {UNSEEN.data};"]
-        if "roughness" in self.bsdf.fields:
-            lines.append(f"surface.material.roughness += {UNSEEN.data};")
+        lines = [f"float shown = {shadow};", f"light.direction += {UNSEEN.data};", *self.new_roughness]
         return ["{", *(f"    {line}" for line in [*lines, f"color += {self.light('shown')}{share};"]), "}"]
 
     def _light(self, symbols: Mapping[str, Expr]) -> Expr:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from raymarch.expr.branches import UNSEEN
 from raymarch.expr.function import Function
 from raymarch.expr.node import var
 from raymarch.expr.types import FLOAT
@@ -50,8 +49,8 @@ def shading(plan: Plan, values: Values) -> Chunk:
         reflection = Reflection(plan, values)
         all_shadows(text, plan, values, reflection)
         _ambient(text, plan, values, reflection)
-        _forget(text, plan)
         if scene.lights:
+            text.add(*(f"    {line}" for line in reflection.new_roughness if ambient_sky(scene)))
             all_lights(text, plan, values, reflection)
     end_shade(text, scene, "hit.t", "ray.origin", "ray.direction")
     return _chunk(text, plan, values)
@@ -170,7 +169,8 @@ def _lit(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> Non
     )
     all_shadows(text, plan, values, reflection)
     _ambient(text, plan, values, reflection)
-    _forget(text, plan)
+    if plan.scene.lights and ambient_sky(plan.scene):
+        text.add(*(f"    {line}" for line in reflection.new_roughness))
     if dielectric:
         kept = f" + transmission * emission_at({material_arguments(plan)})" if plan.emission is not None else ""
         text.add(f"    color = (1.0 - transmission) * color{kept};")
@@ -186,14 +186,6 @@ def _lit(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> Non
     if plan.scene.lights:
         all_lights(text, plan, values, reflection)
     text.add("    return color;", "}", "")
-
-
-def _forget(text: Lines, plan: Plan) -> None:
-    """Make the roughness one that compilers do not know to be the same: for hardware. Else they keep what the light of
-    the sky has computed of it, until that of the last source."""
-    scene = plan.scene
-    if plan.device.branches and scene.lights and ambient_sky(scene) and "roughness" in plan.bsdf.fields:
-        text.add(f"    surface.material.roughness += {UNSEEN.data};")
 
 
 def _chunk(text: Lines, plan: Plan, values: Values) -> Chunk:

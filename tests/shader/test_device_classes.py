@@ -46,8 +46,9 @@ GLASS = rm.Scene(
 
 LAMPS = [rm.PointLight((x, 2, 1), shadow=True, radius=0.1) for x in (-1, 1)]
 GLOSSY = rm.Scene(
-    rm.union(rm.sphere(0.6), rm.plane(offset=-0.6)).material(rm.Material(albedo=(0.8, 0.6, 0.3), roughness=0.3)),
-    lights=[rm.SphereLight((1, 2, 1), radius=0.4, shadow="sampled")],
+    rm.sphere(0.6).material(rm.Material(albedo=(0.8, 0.6, 0.3), roughness=0.3))
+    | rm.plane(offset=-0.6).material(rm.Material(albedo=(0.3, 0.3, 0.3), roughness=0.6)),
+    lights=[rm.SphereLight((1, 2, 1), radius=0.4, shadow=True)],
     sky=rm.GradientSky(light=True),
 )
 SCENES = {"union": SCENE, "tree of rays": GLASS, "lamps": SCENE.replace(lights=LAMPS), "glossy": GLOSSY}
