@@ -35,8 +35,8 @@ BLIND = 32.0
 """Length of a stretch, in tolerances, that is not halved if its enclosure and that of its centre are unbounded."""
 
 LOST = 16
-"""Stretches of a ray at whose centres the value is not known to a tolerance, such as where GLSL of your own counts: the
-ray stays open, unless these are single poles. Such stretches that follow are not halved.
+"""Stretches of a ray along which the value is not known to a tolerance. If it is not known at places around the centre
+of one of them either, as where GLSL of your own counts, such stretches are not halved: the ray stays open.
 """
 
 SLIVER = 1.0 / 8.0
@@ -48,11 +48,24 @@ AROUND = 96
 FIRST = 8
 """Directions of these that are tried before the others."""
 
+STEP = AROUND // FIRST
+
 FAR = 1e30
 """A length beyond all rays."""
 
 WITHIN = (1.0, 0.5, 0.25, 0.0, -0.5)
 """Where the change of sign is looked for, in tolerances behind the hit."""
+
+
+def spiral(count: int) -> NDArray[np.float64]:
+    """Even unit directions, (count, 3): a Fibonacci spiral (Gonzalez 2010)."""
+    height = 1.0 - (2.0 * np.arange(count) + 1.0) / count
+    turn = np.pi * (1.0 + 5.0**0.5) * np.arange(count)
+    beside = np.sqrt(1.0 - height * height)
+    return np.stack([beside * np.cos(turn), height, beside * np.sin(turn)], axis=1)
+
+
+EVERY = spiral(AROUND)
 
 
 @dataclass(eq=False, slots=True)
@@ -148,7 +161,7 @@ def free(
     """
     left, thin = [verdict.left], [EMPTY]
     pending, within = [work], given.within
-    stuck, lost = np.full(len(given), np.inf), np.zeros(len(given), np.int64)
+    stuck, lost = np.full(len(given), np.inf), Lost(given)
     while pending:
         now = pending.pop()
         if len(now) > TOGETHER:
@@ -168,7 +181,7 @@ def free(
         stop = in_solid.copy()
         blind = ~_bounded(range_) & ~_bounded(at)
         unknown = ~is_free & _unknown(at, within[now.rays])
-        lost += np.bincount(now.rays[unknown], minlength=len(given))
+        stop |= unknown & lost.found(now.rays, centre, unknown, verdict)
         if slivers:
             tiny = ~blind & (length <= SLIVER * within[now.rays])
             rows = np.flatnonzero(~is_free & (in_solid | tiny))
@@ -179,7 +192,6 @@ def free(
             is_free[rows] = True
         np.minimum.at(verdict.high, now.rays[in_solid], centre[in_solid])
         stop |= blind & (length <= BLIND * within[now.rays])
-        stop |= unknown & ~is_free & (lost[now.rays] > LOST)
         enough = verdict.evaluations.sum() > ENOUGH
         most = np.where(enough | (now.start > stuck[now.rays]), FEW, MOST)
         stop |= (length <= shortest[now.rays]) | (verdict.evaluations[now.rays] > most)
@@ -277,34 +289,54 @@ def _around(given: Given, some: Whole, at: Array, verdict: Verdict, outside: boo
     """
     found = np.zeros(len(some), bool)
     possible = _may_differ(given, some, at, verdict, outside)
-    every = spiral(AROUND)
-    first = np.arange(0, AROUND, AROUND // FIRST)
-    for directions in (np.zeros((1, 3)), every[first], np.delete(every, first, axis=0)):
+    for directions in (np.zeros((1, 3)), EVERY[::STEP], np.delete(EVERY, np.s_[::STEP], axis=0)):
         open_ = np.flatnonzero(possible & ~found)
         if not len(open_):
             break
-        rays, count = some[open_], len(directions)
-        places = given.rays.origins[rays] + at[open_, None] * given.rays.directions[rays]
-        off = (1.0 - SLIVER) * given.within[rays, None, None] * directions
-        points = (places[:, None] + off).reshape(-1, 3)
-        owners, zero = np.repeat(open_, count), np.zeros(len(points))
-        part = Rays(points, np.zeros((len(points), 3)))
-        work = given.operands.met(part, zero, zero)
-        _, value, _ = given.operands.enclose(part, work, work.start)
-        verdict.evaluations += np.bincount(some[owners[work.rays]], minlength=len(given))
-        unknown = work.rays[_unknown(value, given.within[some[owners[work.rays]]])]
-        doubts, operands = (np.bincount(rays, minlength=len(points)) for rays in (unknown, work.rays))
-        if outside:
-            low = np.full(len(points), np.inf)
-            np.minimum.at(low, work.rays, value[0])
-            found[owners[low > 0.0]] = True
-            nowhere = doubts > 0
-        else:
-            found[owners[work.rays[value[1] < 0.0]]] = True
-            nowhere = (doubts > 0) & (doubts == operands)
-        if count == FIRST:
-            possible[open_] &= ~nowhere.reshape(-1, count).all(axis=1)
+        free_, solid, unknown = _near(given, some[open_], at[open_], directions, verdict)
+        found[open_] = np.any(free_ if outside else solid, axis=1)
+        if len(directions) == FIRST:
+            possible[open_] &= ~unknown.all(axis=1)
     return found
+
+
+def _near(given: Given, some: Whole, at: Array, directions: Array, verdict: Verdict) -> tuple[Array, Array, Array]:
+    """Of places on a sphere around points on rays, (n, directions) each: whether they are outside for certain, in the
+    solid for certain, or neither, where a value is not known to the tolerance."""
+    count = len(directions)
+    places = given.rays.origins[some] + at[:, None] * given.rays.directions[some]
+    points = (places[:, None] + (1.0 - SLIVER) * given.within[some, None, None] * directions).reshape(-1, 3)
+    owners, zero = np.repeat(some, count), np.zeros(len(points))
+    part = Rays(points, np.zeros((len(points), 3)))
+    work = given.operands.met(part, zero, zero)
+    _, value, _ = given.operands.enclose(part, work, work.start)
+    verdict.evaluations += np.bincount(owners[work.rays], minlength=len(given))
+    low, high = np.full(len(points), np.inf), np.full(len(points), np.inf)
+    np.minimum.at(low, work.rays, value[0])
+    np.minimum.at(high, work.rays, value[1])
+    unknown = np.zeros(len(points), bool)
+    unknown[work.rays[_unknown(value, given.within[owners[work.rays]])]] = True
+    solid = high < 0.0
+    return tuple(each.reshape(-1, count) for each in (low > 0.0, solid, unknown & ~solid))  # type: ignore[return-value]
+
+
+class Lost:
+    """The rays that are given up, since their field is not known at many places, nor around one of them."""
+
+    def __init__(self, given: Given) -> None:
+        self.given, self.count = given, np.zeros(len(given), np.int64)
+        self.rays = np.zeros(len(given), bool)
+
+    def found(self, rays: Whole, centre: Array, unknown: NDArray[np.bool_], verdict: Verdict) -> NDArray[np.bool_]:
+        """Whether the ray of each stretch is given up. unknown : whether the value at its centre is not known."""
+        self.count += np.bincount(rays[unknown], minlength=len(self.count))
+        rows = np.flatnonzero(unknown & (self.count[rays] > LOST) & ~self.rays[rays])
+        asked, first = np.unique(rays[rows], return_index=True)
+        if len(asked):
+            around = _near(self.given, asked, centre[rows[first]], EVERY[::STEP], verdict)[2]
+            self.rays[asked] = around.sum(axis=1) > 1  # places are known where a choice is open along a stretch
+            self.count[asked] = 0
+        return self.rays[rays]
 
 
 def _may_differ(given: Given, some: Whole, at: Array, verdict: Verdict, outside: bool) -> NDArray[np.bool_]:
@@ -318,14 +350,6 @@ def _may_differ(given: Given, some: Whole, at: Array, verdict: Verdict, outside:
     found = np.full(len(some), outside)
     found[work.rays[cube[1] < 0.0 if outside else ~(cube[0] > 0.0)]] = not outside
     return found
-
-
-def spiral(count: int) -> NDArray[np.float64]:
-    """Even unit directions, (count, 3): a Fibonacci spiral (Gonzalez 2010)."""
-    height = 1.0 - (2.0 * np.arange(count) + 1.0) / count
-    turn = np.pi * (1.0 + 5.0**0.5) * np.arange(count)
-    beside = np.sqrt(1.0 - height * height)
-    return np.stack([beside * np.cos(turn), height, beside * np.sin(turn)], axis=1)
 
 
 def _beside(given: Given, some: Whole, verdict: Verdict) -> None:

@@ -268,6 +268,12 @@ def test_a_choice_by_a_distance_of_exactly_0() -> None:
     assert rm.prove(rm.box_frame((1.6, 1.2, 1.4), 0.15), size=(32, 32)).share == 1.0
 
 
+def test_choices_that_are_open_along_many_stretches() -> None:
+    """The value of a fold is not known along them, also at their centres, but at places around: these rays go on."""
+    camera = rm.Camera((-1.59060528, -0.91013131, 0.81977176), fov=52)
+    assert rm.prove(rm.Scene(rm.tetrahedron(), camera), size=(48, 48)).share == 1.0
+
+
 def test_where_nothing_is_shown_nothing_is_contradicted() -> None:
     """A sheet of no thickness holds no point for certain, and no range along the ray is free of it."""
     sheet = rm.sphere() ^ rm.sphere()

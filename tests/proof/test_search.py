@@ -63,7 +63,11 @@ def test_values_over_a_jump_lie_within_the_hull_of_the_slopes(solid: rm.Node) ->
 
 
 class Blind:
-    """Operands of which nothing is known."""
+    """An operand of which nothing is known, and that has no box."""
+
+    def met(self, _rays: Rays, start: Array, end: Array) -> Stretch:
+        every = np.arange(len(start))
+        return Stretch(every, 0 * every, start, end)
 
     def enclose(self, _rays: Rays, at: Stretch, _centre: Array) -> tuple[Interval, Interval, Interval]:
         one = np.ones(len(at))
@@ -87,18 +91,15 @@ def test_all_rays_together_have_a_bound(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 class Hidden(Blind):
-    """Operands whose values are known up to the middle of a ray, and to be within bounds from there on."""
+    """An operand whose values are known up to a plane, and to be within bounds from there on."""
 
-    def enclose(self, _rays: Rays, at: Stretch, centre: Array) -> tuple[Interval, Interval, Interval]:
-        known = centre < 0.5
-        return (
-            (np.where(at.end < 0.5, 1.0, -1.0), np.ones(len(at))),
-            (np.where(known, 1.0, -1.0), np.ones(len(at))),
-            (
-                np.where(known, 1.0 - 9.0 / (0.5 - centre), -np.inf),
-                np.full(len(at), np.inf),
-            ),
-        )
+    def enclose(self, rays: Rays, at: Stretch, centre: Array) -> tuple[Interval, Interval, Interval]:
+        height, way = rays.origins[at.rays, 2], rays.directions[at.rays, 2]
+        one, before = np.ones(len(at)), 0.5 - (height + centre * way)
+        known = before > 0.0
+        fall = np.where(known, 1.0 - 9.0 / before, -np.inf)
+        least = np.where(height + at.end * way < 0.5, 1.0, -1.0)
+        return (least, one), (np.where(known, 1.0, -1.0), one), (fall, np.inf * one)
 
 
 def test_a_ray_ends_early_where_its_field_is_not_known(monkeypatch: pytest.MonkeyPatch) -> None:
