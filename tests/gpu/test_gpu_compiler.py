@@ -54,6 +54,29 @@ def test_the_instructions_of_a_turn_are_counted() -> None:
     assert loops_of(LOOP.replace("execz BB3", "execz BB4")) == [(6, 6)], "a way out is no turn"
 
 
+SIDES = """
+BB1:
+\ts_and_saveexec_b64 s[4:5], s[6:7]
+\ts_cbranch_execz BB3
+BB2:
+\tv_add_f32_e32 v2, v1, v2
+\tv_add_f32_e32 v2, v1, v2
+BB3:
+\ts_andn2_b64 exec, s[4:5], exec                              ; 8afe0404
+\ts_cbranch_execz BB5
+BB4:
+\tv_mul_f32_e32 v2, v1, v2
+BB5:
+\ts_mov_b64 exec, s[4:5]
+\ts_branch BB1
+"""
+
+
+def test_a_turn_runs_one_side_of_a_condition() -> None:
+    assert loops_of(SIDES) == [(7, 9)], "not 6, which runs neither"
+    assert loops_of(SIDES.replace("andn2_b64 exec, s[4:5], exec", "andn2_b64 s[4:5], s[4:5], exec")) == [(6, 9)]
+
+
 @pytest.fixture(scope="module")
 def compiler(tmp_path_factory: pytest.TempPathFactory) -> Compiler:
     if lacking := missing():

@@ -35,8 +35,8 @@ VALUE = "float next = march_distance(ray, t);"
 
 MARCH = {
     "a step too long": (
-        ("float leap = leap_pixels * u_pixel * at.t;", "float leap = 200.0 * u_pixel * at.t;"),
-        ("float z = aiming ? secant : search + further;", "float z = aiming ? secant : 1.5 * at.r + 0.01;"),
+        ("return leap_pixels * u_pixel;", "return 200.0 * u_pixel;"),
+        ("float z = step_length(at, far);", "float z = 1.5 * at.r + 0.01;"),
         (VALUE, "float next = 1.02 * march_distance(ray, t) - 0.004;"),
         (VALUE, "float next = march_distance(ray, t) + 0.01;"),
     ),
@@ -45,7 +45,7 @@ MARCH = {
         ("at.t + last_step(widths, at)", "at.t * (1.0 - 0.2 * u_pixel)"),
         ("refined(widths, t, next, derivative)", "next > 0.0"),
         (VALUE, "float next = march_distance(ray, t) - 0.01;"),
-        ("bool near = empty && (at.refining ? next < abs(at.r) :", "bool near = (at.refining ? true :"),
+        ("bool near = empty && next < (last.refining ? abs(last.r) :", "bool near = next < (last.refining ? 1.0e30 :"),
     ),
     "a hit lost": (("hit.found = found;", "hit.found = found && fract(97.0 * hit.t) > 0.05;"),),
 }

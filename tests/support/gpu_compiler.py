@@ -16,6 +16,7 @@ from pathlib import Path
 
 SOURCE = Path(__file__).with_name("gpu_statistics.c")
 FAMILIES = {"navi21": "RDNA 2", "vega10": "Vega", "polaris10": "Polaris"}
+INVERSION = "inversion"  # of the mask of the rays that run, between the two sides of an `if`
 DRIVERS = Path("/usr/share/vulkan/icd.d")
 VERTEX = """#version 450
 void main() {
@@ -110,7 +111,9 @@ def loops_of(disassembly: str) -> list[tuple[int, int]]:
             begins[block[1]] = len(code)
         elif found := re.match(r"\s+((?:[vs]_|exp|image|buffer|ds_|global|scratch)\w*)([^;]*)", line):
             target = re.search(r"BB\d+", found[2])
-            code.append((found[1], target[0] if target and "branch" in found[1] else ""))
+            inverts = re.match(r"s_andn2_b64\s+exec,", found[1] + found[2])
+            name = INVERSION if inverts else found[1]
+            code.append((name, target[0] if target and "branch" in name else ""))
     return [
         (_shortest(code, begins, begins[target], end), end + 1 - begins[target])
         for end, (_, target) in enumerate(code)
@@ -119,12 +122,17 @@ def loops_of(disassembly: str) -> list[tuple[int, int]]:
 
 
 def _shortest(code: list[tuple[str, str]], begins: dict[str, int], start: int, end: int) -> int:
-    """Fewest instructions from one to another, by branches that lead forwards."""
+    """Fewest instructions from one to another, by branches that lead forwards. Rays that jump over one side of an `if`
+    run the other side: at the inversion of the mask between the two no jump follows."""
     least = {end: 1}
+    jumped = {end: 1}  # the same, for rays that arrive by a jump
     for i in range(end - 1, start - 1, -1):
         name, target = code[i]
-        ways = [*([i + 1] if name != "s_branch" else []), *([begins[target]] if target else [])]
-        least[i] = 1 + min((least[k] for k in ways if i < k <= end), default=len(code))
+        ways = [least.get(i + 1)] if name != "s_branch" else []
+        ways += [jumped.get(begins[target])] if target and i < begins[target] else []
+        least[i] = jumped[i] = 1 + min((way for way in ways if way is not None), default=len(code))
+        if name == INVERSION and code[i + 1][0] == "s_cbranch_execz":
+            jumped[i] = 2 + least.get(i + 2, len(code))
     return least[start]
 
 

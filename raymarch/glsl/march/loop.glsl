@@ -9,13 +9,182 @@
 // Refining steps aim a little below the surface, so that most hits are samples inside the solid. The others are in
 // doubt, see march/membrane.
 #endif
+// Most turns only search. What only a ray close to a surface needs stands in two branches, `close_step` and `confirm`.
+
+// The part of a step near a surface that may stay unproven, and the width within which such steps begin.
+float leap_width() {
+#ifdef BOUNCES
+    return leap_pixels * secondary_pixel();
+#else
+    return leap_pixels * u_pixel;
+#endif
+}
+
+float close_width(vec3 widths) {
+    float width = max(widths.y, 3.0 * leap_width());
+#ifdef EDGES
+    width = max(width, 0.5 * u_pixel);
+#endif
+    return width;
+}
+
+#ifdef CUTS
+// Whether a ray starts on a face of the scene's box.
+bool is_first(float r, float noise) {
+#ifdef ADVANCE
+    return r <= 0.0 && r >= -2.0 * noise;
+#else
+    return abs(r) <= noise;
+#endif
+}
+
+#endif
+// Whether the next turn of a ray may do more than search: its last sample lies within `width` of a surface, or the
+// expected tangent point does.
+bool is_close(March at, float width) {
+#ifdef CUTS
+    if (in_doubt(at)) return true;
+#endif
+    return at.refining || at.r + min(at.last_derivative, 0.0) * (at.r + width) < width;
+}
+
+float near_at(vec3 widths, March at, float t) {
+    return width_at(widths, at.passing ? widths.z : widths.y, t);
+}
+
+bool is_aiming(vec3 widths, March at) {
+    return at.refining || aims_at_surface(at.r, at.last_derivative, near_at(widths, at, at.t));
+}
+
+// The step of a ray close to a surface, in place of the step z of the tracer. `leap`: what may stay unproven of it.
+float close_step(Ray ray, vec3 widths, March at, float z, inout float leap) {
+    bool aiming = is_aiming(widths, at);
+#ifdef ORTHOGRAPHIC
+    float most = leap_width();
+#else
+    float most = leap_width() * at.t;
+#endif
+    float longest = (2.0 * at.r + 0.95 * most) / (1.0 - min(at.last_derivative, 0.0));
+    float further = aiming ? 0.0 : further_step(at, z, most);
+    if (aiming || further != 0.0) leap = max(leap, most);
+#ifdef CUTS
+    float depth = doubt_depth(ray, widths, at.t);
+    bool first = is_first(at.r, noise_of(ray, at.t));
+    if (first) leap = 1.0e30;
+    float below = at.r + depth;
+    float reach = longest_last_step(widths, at.t);
+    float secant = at.last_derivative < 0.0 ? min(below / -at.last_derivative, depth + longest) : at.r;
+    float search = max(z, 2.0 * GROWTH * at.t) + further;  // a flat field may be smaller than the ulp of t
+    return in_doubt(at) ? doubt_step(at, depth, reach) : aiming ? secant : first ? depth : search;
+#else
+    float secant = at.last_derivative < 0.0 ? min(at.r / -at.last_derivative, longest) : at.r;
+    return aiming ? secant : z + further;
+#endif
+}
+
+// Takes the sample `next` at t, a step z from the ray's `last` sample, of which one is close to a surface. True if it
+// ends the march. `at` has moved as in a search, with `empty` and `derivative`. That stays so if no sample is near.
+// `behind`: how much of the ray before the sample is proven. `empty` stays false if the step was one of a search and is
+// undone. `rate`: how much the field fell per unit of the way to the surface, at the last sample that knew it.
+bool confirm(Ray ray, vec3 widths, March last, inout March at, float z, float t, float next, float behind,
+    inout bool empty, float derivative, float rate) {
+    bool between = last.refining && last.r < 0.0;  // the last sample is inside, so the surface lies before it
+    bool certain = z <= last.r + behind;
+#ifdef CUTS
+    float noise = noise_of(ray, last.t);
+    float depth = doubt_depth(ray, widths, last.t);
+    bool doubtful = in_doubt(last);
+    bool first = is_first(last.r, noise);
+    certain = certain || first;
+    bool known = z != 0.0 && !(first && next > 0.0);
+#else
+    bool known = z != 0.0;
+#endif
+    if (!known) {
+        derivative = last.derivative;
+        at.last_derivative = derivative;
+#ifdef ADVANCE
+        at.derivative = by_distance ? derivative : -1.0;
+#else
+        at.derivative = derivative;
+#endif
+    }
+    empty = empty || between;
+    if (between && next < 0.0) derivative = (next - last.kept_r) / (t - last.kept_t);
+    bool near = empty && next < (last.refining ? abs(last.r) : near_at(widths, last, t));
+    bool passed = last.refining && !near;
+#ifdef NOTED
+#ifdef CUTS
+    note_kind(!doubtful && (!empty || passed) ? IS_UNDONE : last.refining || (near && !doubtful) ? REFINES : SEARCHES);
+#else
+    note_kind(!empty || passed ? IS_UNDONE : near ? REFINES : SEARCHES);
+#endif
+#endif
+    bool found = false;
+#ifdef CUTS
+    bool aiming = is_aiming(widths, last) || first;
+#ifdef ADVANCE
+    float noise_there = noise_of(ray, t);  // a step may be long
+    depth = doubt_depth(ray, widths, t);
+    bool unproven = near ? next <= 2.0 * depth : empty && aiming && value_there <= 2.0 * depth;
+    unproven = unproven && value_there >= -noise_there && last.r >= -2.0 * noise_there;
+#else
+    bool unproven = near && next >= -noise && last.r >= -noise && next <= 2.0 * depth;
+#endif
+    bool doubts = unproven && (aiming || derivative < 0.0);
+    near = near && !unproven;
+    if (doubtful || doubts) {
+        at = last;
+        empty = true;
+        if (doubtful) {
+#ifdef ADVANCE
+            found = enters_ahead(at, t, noise);
+        } else {
+            doubt_ahead(at, t, derivative, rate, noise_there);
+#else
+            found = enters(at, t, next, noise);
+        } else {
+            doubt(at, t, next, derivative);
+#endif
+        }
+    } else if (near || passed) {
+#else
+    bool touches = passed && abs(last.r) <= width_at(widths, hit_width(widths), last.t);
+    if (touches) {
+        at = last;
+        found = true;
+    } else if (near || passed) {
+#endif
+        // the last sample up to which all is certainly empty
+        bool follows = certain && next >= 0.0 && (!last.refining || last.t == last.kept_t);
+        vec2 kept = follows ? vec2(t, next) : last.refining ? vec2(last.kept_t, last.kept_r) : vec2(last.t, last.r);
+        at.t = near ? t : kept.x;
+        at.r = near ? next : kept.y;
+        at.derivative = empty ? last.derivative : -1.0;
+        at.last_derivative = near ? derivative : 0.0;
+        at.kept_t = near ? kept.x : 0.0;
+        at.kept_r = kept.y;
+        at.passing = last.passing || passed;
+        at.refining = near;
+        empty = true;
+#ifdef CUTS
+        found = near && (refined(widths, t, next, derivative) || abs(next) <= 2.0 * depth);
+#else
+        found = near && refined(widths, t, next, derivative);
+#endif
+    }
+    return found;
+}
+
 void march(Ray ray, inout March at, inout Hit hit, float far) {
     vec3 widths = hit_widths(ray);
+    float near_width = close_width(widths);
 #ifdef NOTED
     note_sample(at.t, at.r, at.r, STARTS);
 #endif
     bool found = false;
     bool escaped = false;
+    bool close = true;
 #ifndef UNCOUNTED
     float steps = 0.0;
 #endif
@@ -30,153 +199,56 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
     for (int i = 0; i < march_steps; i++) {
 #endif
 #endif
-#ifdef EDGES
-        found = edge_width > 0.0 && is_expected(at);
-        if (found) break;
-#endif
-        float width = at.passing ? widths.z : widths.y;
-#ifdef ORTHOGRAPHIC
-        bool aiming = at.refining || aims_at_surface(at.r, at.last_derivative, widths.x * at.t + width);
-#ifdef BOUNCES
-        float leap = leap_pixels * secondary_pixel();
-#else
-        float leap = leap_pixels * u_pixel;
-#endif
-        float touch = widths.x * at.t + hit_width(widths);
-#else
-        bool aiming = at.refining || aims_at_surface(at.r, at.last_derivative, widths.x + width * at.t);
-#ifdef BOUNCES
-        float leap = leap_pixels * secondary_pixel() * at.t;
-#else
-        float leap = leap_pixels * u_pixel * at.t;
-#endif
-        float touch = widths.x + hit_width(widths) * at.t;
-#endif
-        bool touching = at.refining && abs(at.r) <= touch;
-        float longest = (2.0 * at.r + 0.95 * leap) / (1.0 - min(at.last_derivative, 0.0));
-        float search = step_length(at, far);
-        float further = aiming ? 0.0 : further_step(at, search, leap);
-        if (!aiming && further == 0.0) leap = 0.0;
+        float z = step_length(at, far);
 #ifdef CUTS
-        float noise = noise_of(ray, at.t);
-        search = max(search, 2.0 * GROWTH * at.t);  // a flat field may be smaller than the ulp of t
-        leap = max(leap, 4.0 * GROWTH * at.t);
-        float depth = max(0.7 * touch + noise, 0.0);
-        bool doubtful = in_doubt(at);
-#ifdef ADVANCE
-        bool first = at.r <= 0.0 && at.r >= -2.0 * noise;  // the ray starts on a face of the scene's box
-        float rate = approach;
+        float leap = 4.0 * GROWTH * at.t;
 #else
-        bool first = abs(at.r) <= noise;  // the ray starts on a face of the scene's box
+        float leap = 0.0;
 #endif
-        float below = at.r + depth;
-        float reach = longest_last_step(widths, at.t);
-        float secant = at.last_derivative < 0.0 ? min(below / -at.last_derivative, depth + longest) : at.r;
-        float z = doubtful ? doubt_step(at, depth, reach) : aiming ? secant : first ? depth : search + further;
-#else
-        float secant = at.last_derivative < 0.0 ? min(at.r / -at.last_derivative, longest) : at.r;
-        float z = aiming ? secant : search + further;
+        if (close) {
+#ifdef EDGES
+            found = edge_width > 0.0 && is_expected(at);
+            if (found) break;
 #endif
-        escaped = !at.refining && at.t + min(z, at.r) > far;
-        if (escaped) break;
+            z = close_step(ray, widths, at, z, leap);
+            escaped = !at.refining && at.t + min(z, at.r) > far;
+            if (escaped) break;
+        }
 #ifndef UNCOUNTED
         steps += 1.0;
 #endif
         float t = at.t + z;
+#ifdef ADVANCE
+        float rate = approach;
+#else
+        float rate = 1.0;
+#endif
         float next = march_distance(ray, t);
-#ifdef NOTED
-#ifdef ADVANCE
-        note_sample(t, next, next < 0.0 ? next : way_behind, at.refining ? REFINES : SEARCHES);
-#else
-        note_sample(t, next, next, at.refining ? REFINES : SEARCHES);
-#endif
-#endif
-#ifdef CUTS
-        if (doubtful) {
-#ifdef ADVANCE
-            found = enters_ahead(at, t, noise);
-#else
-            found = enters(at, t, next, noise);
-#endif
-            if (found) break;
-            continue;
-        }
-#endif
 #ifdef ADVANCE
         float behind = way_behind;  // proven before the sample, by the sphere or more
 #else
         float behind = abs(next);
 #endif
-        bool between = at.refining && at.r < 0.0;  // the last sample is inside, so the surface lies before it
-#ifdef CUTS
-        float derivative = z != 0.0 && !(first && next > 0.0) ? (next - at.r) / z : at.derivative;
-        bool empty = first || between || z <= at.r + behind + leap;  // else the step may have passed a surface
-        bool certain = first || z <= at.r + behind;
-#else
-        float derivative = z != 0.0 ? (next - at.r) / z : at.derivative;
-        bool empty = between || z <= at.r + behind + leap;  // else the step may have passed a surface
-        bool certain = z <= at.r + behind;
-#endif
-        if (between && next < 0.0) derivative = (next - at.kept_r) / (t - at.kept_t);
-#ifdef ORTHOGRAPHIC
-        bool near = empty && (at.refining ? next < abs(at.r) : next < widths.x * t + width);
-#else
-        bool near = empty && (at.refining ? next < abs(at.r) : next < widths.x + width * t);
-#endif
-        bool passed = at.refining && !near;
+        bool empty = z <= at.r + behind + leap;  // else the step may have passed a surface
 #ifdef NOTED
-        if (!empty || passed) note_kind(IS_UNDONE); else if (near) note_kind(REFINES);
-#endif
-#ifndef CUTS
-        found = passed && touching;
-        if (found) break;
-#endif
-#ifdef CUTS
 #ifdef ADVANCE
-        noise = noise_of(ray, t);  // a step may be long
-#ifdef ORTHOGRAPHIC
-        depth = max(0.7 * (widths.x * t + hit_width(widths)) + noise, 0.0);
+        note_sample(t, next, next < 0.0 ? next : way_behind, empty ? SEARCHES : IS_UNDONE);
 #else
-        depth = max(0.7 * (widths.x + hit_width(widths) * t) + noise, 0.0);
+        note_sample(t, next, next, empty ? SEARCHES : IS_UNDONE);
 #endif
-        bool unproven = near ? next <= 2.0 * depth : empty && (aiming || first) && value_there <= 2.0 * depth;
-        unproven = unproven && value_there >= -noise && at.r >= -2.0 * noise;
-        if (unproven && (aiming || first || derivative < 0.0)) {
-            doubt_ahead(at, t, derivative, rate, noise);
-            continue;
+#endif
+        float derivative = (next - at.r) / z;
+        float width = width_at(widths, near_width, t);
+        March last = at;
+        move(at, empty, t, next, derivative);
+        if (close || next < width) {
+            found = confirm(ray, widths, last, at, z, t, next, behind, empty, derivative, rate);
+            if (found) break;
         }
-#else
-        bool unproven = near && next >= -noise && at.r >= -noise && next <= 2.0 * depth;
-        if (unproven && (aiming || first || derivative < 0.0)) {
-            doubt(at, t, next, derivative);
-            continue;
-        }
-#endif
-        near = near && !unproven;
-#endif
-        at.passing = at.passing || passed;
-        if (near || passed) {
-            // the last sample up to which all is certainly empty
-            bool follows = certain && next >= 0.0 && (!at.refining || at.t == at.kept_t);
-            vec2 kept = follows ? vec2(t, next) : at.refining ? vec2(at.kept_t, at.kept_r) : vec2(at.t, at.r);
-            at.t = near ? t : kept.x;
-            at.r = near ? next : kept.y;
-            at.derivative = empty ? at.derivative : -1.0;
-            at.last_derivative = near ? derivative : 0.0;
-            at.kept_t = near ? kept.x : 0.0;
-            at.kept_r = kept.y;
-            at.refining = near;
-        } else {
-            move(at, empty, t, next, derivative);
 #ifndef UNCOUNTED
-            hit.fallbacks += float(!empty);
+        hit.fallbacks += float(!empty);
 #endif
-        }
-        found = near && refined(widths, t, next, derivative);
-#ifdef CUTS
-        found = found || (near && abs(next) <= 2.0 * depth);
-#endif
-        if (found) break;
+        close = is_close(at, width) || at.t + at.r > far;
     }
 #ifdef CLIP_PLANES
     escaped = escaped || (found && at.t > between_planes(ray, u_far).y);  // a long step may end behind the far plane

@@ -15,6 +15,11 @@ float noise_of(Ray ray, float t) {
     return rounding(ray, t);
 }
 
+// How far below a surface a step aims, so that its sample is inside.
+float doubt_depth(Ray ray, vec3 widths, float t) {
+    return max(0.7 * width_at(widths, hit_width(widths), t) + noise_of(ray, t), 0.0);
+}
+
 bool in_doubt(March at) {
     return at.kept_t < 0.0;
 }

@@ -51,3 +51,12 @@ vec3 hit_widths(Ray ray) {
     return vec3(ulps * max(size.x, max(size.y, size.z)), pixels + ulps);
 #endif
 }
+
+// One of these widths at t along a ray.
+float width_at(vec3 widths, float width, float t) {
+#ifdef ORTHOGRAPHIC
+    return widths.x * t + width;
+#else
+    return widths.x + width * t;
+#endif
+}
