@@ -15,6 +15,9 @@ from typing import Final
 OBJECT: Final = 10
 """Operations of a small object: a sphere that is moved."""
 
+NEVER: Final = 1e15
+"""A price that is never paid: what it buys is never chosen."""
+
 LISTED: Final = 3
 """Objects in the cell of a point, as a rule: those that rows evaluate too."""
 

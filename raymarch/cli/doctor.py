@@ -13,7 +13,7 @@ from raymarch.cli.common import CommandError, Output
 from raymarch.cli.progress import bar
 from raymarch.gpu.doctor import examine
 from raymarch.gpu.measured_prices import summary
-from raymarch.prices import SWITCH
+from raymarch.prices import NEVER, SWITCH
 
 
 def run(
@@ -123,15 +123,19 @@ def _show_prices(prices: list[Any]) -> None:
     line = "  {:<16}{:>10}{:>22}{:>10}{:>10}  {}"
     out.print(line.format("", "measured", "interval", "class", "used", "unit"), markup=False)
     for each in prices:
-        numbers = (f"{n:.3g}" for n in (each.standard, each.standard if each.kept else each.value))
-        interval = f"{each.low:.3g} to {each.high:.3g}"
-        out.print(line.format(each.name, f"{each.value:.3g}", interval, *numbers, MEANING[each.name]), markup=False)
+        numbers = (_number(n) for n in (each.standard, each.standard if each.kept else each.value))
+        interval = f"{_number(each.low)} to {_number(each.high)}"
+        out.print(line.format(each.name, _number(each.value), interval, *numbers, MEANING[each.name]), markup=False)
     for each in prices:
         if each.kept:
             out.print(f"  {each.name}: that of the class is used, {each.kept}", markup=False)
     out.print("  All other prices are those of the class. An interval holds the median with a confidence of 95 %;")
     out.print("  of a wide one, the end that is nearest to the price of the class is used.")
     out.print()
+
+
+def _number(price: float) -> str:
+    return "never" if price == NEVER else f"{price:.3g}"
 
 
 def _checked() -> list[Any]:

@@ -235,13 +235,25 @@ def check(renderer: Renderer, case: Case) -> Row:
             color = frame.color.astype(np.float64) if case.lit else None
     except Exception as error:  # a driver may fail in any way, and the other cases go on
         return Row(case.group, case.name, fault=" ".join(str(error).split())[:300] or type(error).__name__)
-    seconds = time.perf_counter() - begin
-    known = truth(scene, renderer.size, outputs=("depth", "normal", *(("color",) if case.lit else ())))
+    return compared(case, scene, depth, normal, color, time.perf_counter() - begin)
+
+
+def compared(
+    case: Case,
+    scene: Scene,
+    depth: NDArray[np.float64],
+    normal: NDArray[np.float64],
+    color: NDArray[np.float64] | None,
+    seconds: float,
+) -> Row:
+    """A picture of a case beside float64. depth : (H, W), inf where nothing was hit. normal, color : (H, W, 3)."""
+    height, width = depth.shape
+    known = truth(scene, (width, height), outputs=("depth", "normal", *(("color",) if color is not None else ())))
     apart = ~silhouettes(known)
     hit, found = np.isfinite(known.depth), np.isfinite(depth)
     both = apart & hit & found
     is_estimate = scene.node.exactness == "estimate"
-    footprint = 2.0 * np.tan(np.radians(float(scene.camera.fov)) / 2) / renderer.size[1] * known.depth[both]
+    footprint = 2.0 * np.tan(np.radians(float(scene.camera.fov)) / 2) / height * known.depth[both]
     return Row(
         case.group,
         case.name,

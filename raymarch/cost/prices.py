@@ -1,7 +1,8 @@
 """Measure the prices of choices on a driver: scenes drawn with each choice forced, in turn.
 
 A choice costs what a frame of 640x360 takes, and a part of the first one. Where scenes get larger step by step, its
-price is the size at which both sides cost the same. Other prices are differences of two scenes.
+price is the size at which both sides cost the same; it is never paid if what it buys is cheaper at no size of them.
+Other prices are differences of two scenes.
 
 Times vary, so each price has an interval that holds its median with about 95 % confidence. A price whose interval holds
 that of the class stays as it is. Of one that is wide beside it, the end that is nearest to the class's counts.
@@ -29,7 +30,7 @@ from raymarch.gpu.measured_prices import Measured, replaced
 from raymarch.gpu.renderer import Renderer
 from raymarch.plan import plan
 from raymarch.plan.device import DeviceClass
-from raymarch.prices import OBJECT, SAVED_FAR, Prices
+from raymarch.prices import NEVER, OBJECT, SAVED_FAR, Prices
 from raymarch.scene import Camera, Scene, Sun
 from raymarch.sdf import Node
 
@@ -44,6 +45,9 @@ SIZES = ((24, 14), (48, 27), (96, 54), (192, 108), (384, 216))
 """Sizes of the pictures: the largest of which a draw takes at most `LONG` milliseconds."""
 
 LONG = 20.0
+SLOW = 250.0
+"""Milliseconds of the largest draw where three sizes are compared."""
+
 ROUNDS, FEWEST = 15, 5
 """Rounds in which draws take turns, and those where a draw of the smallest size takes longer than `LONG`."""
 
@@ -55,9 +59,6 @@ WIDE = 2.5
 
 SCENES = 3
 """Most scenes that one stage draws."""
-
-NEVER = 1e9
-"""A price that is never paid."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +132,14 @@ class Bench:
             if took * (size[0] * size[1]) / (SIZES[0][0] * SIZES[0][1]) <= LONG:
                 chosen = size
         return chosen, FEWEST if took > LONG else ROUNDS
+
+    def sizes(self, scene: Scene, prices: Prices) -> Sequence[tuple[int, int]]:
+        """Three sizes of pictures to compare: as large as this driver draws within `SLOW` milliseconds."""
+        with self._renderer(prices) as renderer:
+            _draw(renderer, scene)
+            took = self.clock(partial(_draw, renderer, scene)) / (SIZES[0][0] * SIZES[0][1])
+        last = max(3, sum(took * size[0] * size[1] <= SLOW for size in SIZES))
+        return SIZES[last - 3 : last]
 
     def evaluations(self, scene: Scene, prices: Prices) -> float:
         """Evaluations of the field in a picture of 640x360."""
@@ -226,7 +235,7 @@ def _chain(count: int) -> Scene:
 def _arithmetic(bench: Bench, prices: Prices) -> Iterator[tuple[str, NDArray[np.float64]]]:
     """Nanoseconds of an operation, and seconds of a thousand and of their square, whose ratio is that of the class, by
     blends of 4, 16 and 40 balls."""
-    prices = replace(prices, look_up=NEVER, costly_objects=NEVER, slow_text=NEVER, draw=1e15)
+    prices = replace(prices, look_up=NEVER, costly_objects=NEVER, slow_text=NEVER, draw=NEVER)
     scenes = [_chain(count) for count in (4, 16, 40)]
     made = [bench.times(scene, [prices]) for scene in scenes]
     sizes = [_operations(bench, scene, prices) for scene in scenes]
@@ -266,7 +275,8 @@ def _closed_forms(bench: Bench, prices: Prices) -> Iterator[tuple[str, NDArray[n
     """Seconds of a solid in closed form, of which as many are solved as `Prices.patience` allows."""
     sides = [replace(prices, closed_form=cost, look_up=NEVER) for cost in (1e-9, NEVER)]
     steps: list[Step] = [(float(count), _grid_of(_ball_or_box, count), None) for count in (4, 12, 36)]
-    yield "closed_form", prices.patience / _break_even(bench, steps, sides)
+    most = np.minimum(_break_even(bench, steps, sides), 2.0 * steps[-1][0])
+    yield "closed_form", np.divide(prices.patience, most, out=np.full(len(most), NEVER), where=most > 0.0)
 
 
 def _boxes(bench: Bench, prices: Prices) -> Iterator[tuple[str, NDArray[np.float64]]]:
@@ -277,7 +287,7 @@ def _boxes(bench: Bench, prices: Prices) -> Iterator[tuple[str, NDArray[np.float
 
     never = replace(prices, skip=NEVER, costly_objects=NEVER, look_up=NEVER)
     steps = [(_operations(bench, scene(count), never) / 6, scene(count), None) for count in (4, 12, 36)]
-    yield "skip", _break_even(bench, steps, [never, replace(never, skip=0.0, operands=1)])
+    yield "skip", _paid_from(steps, _break_even(bench, steps, [never, replace(never, skip=0.0, operands=1)]))
 
 
 def _objects(bench: Bench, prices: Prices) -> Iterator[tuple[str, NDArray[np.float64]]]:
@@ -285,7 +295,7 @@ def _objects(bench: Bench, prices: Prices) -> Iterator[tuple[str, NDArray[np.flo
     are worth rows much later; rings as text take twice the time where balls as rows take a third more."""
     sides = [replace(prices, look_up=cost, form=OBJECT, closed_form=NEVER, skip=NEVER) for cost in (NEVER, 0.0)]
     steps: list[Step] = [(float(OBJECT * count), _grid_of(_ring, count), None) for count in (8, 24, 72)]
-    yield "look_up", _break_even(bench, steps, sides)
+    yield "look_up", _paid_from(steps, _break_even(bench, steps, sides))
 
 
 def _cones(bench: Bench, prices: Prices) -> Iterator[tuple[str, NDArray[np.float64]]]:
@@ -293,10 +303,10 @@ def _cones(bench: Bench, prices: Prices) -> Iterator[tuple[str, NDArray[np.float
     form = sdf.box((0.5, 30.0, 0.5)).round(0.05) | sdf.cylinder(0.3, 30.0) | sdf.torus(0.5, 0.1)
     node = sdf.union(form.twist(0.1), sdf.sphere(0.4).scale((1.0, 2.0, 1.0)), k=0.1).repeat((2.0, None, 2.0))
     scene = Scene(node, Camera((1.0, 2.0, 6.0), (0.0, 1.0, 0.0), fov=60.0), [Sun((0.6, 1.0, 0.5))])
-    sides = [replace(prices, draw=cost) for cost in (1e15, 0.0)]
+    sides = [replace(prices, draw=cost) for cost in (NEVER, 0.0)]
     work = SAVED_FAR * _operations(bench, scene, prices)
-    steps = [(work * size[0] * size[1], scene, size) for size in SIZES[2:]]
-    yield "draw", _break_even(bench, steps, sides)
+    steps = [(work * size[0] * size[1], scene, size) for size in bench.sizes(scene, sides[0])]
+    yield "draw", _paid_from(steps, _break_even(bench, steps, sides))
 
 
 MEANING = {
@@ -337,8 +347,8 @@ Step: TypeAlias = tuple[float, Scene, tuple[int, int] | None]
 
 
 def _break_even(bench: Bench, steps: Sequence[Step], sides: Sequence[Prices]) -> NDArray[np.float64]:
-    """The size at which both sides cost the same, by round: where the logarithm of their ratio is 0, linear in that of
-    the size. At most twice the largest and half of the smallest size."""
+    """The size from which the second side is cheaper, by round: where the logarithm of their ratio is 0, linear in that
+    of the size. 0 or infinite if that is below half of the smallest or above twice the largest size."""
     at = np.log([size for size, *_ in steps])
     costs = [bench.times(scene, sides, picture).costs for _, scene, picture in steps]
     rounds = min(map(len, costs))
@@ -348,10 +358,16 @@ def _break_even(bench: Bench, steps: Sequence[Step], sides: Sequence[Prices]) ->
 
 def _root(at: NDArray[np.float64], ratio: NDArray[np.float64]) -> float:
     slope, offset = np.polyfit(at, ratio, 1)
-    low, high = 0.5 * math.exp(at[0]), 2.0 * math.exp(at[-1])
     if slope >= 0.0:  # it never gets cheaper with size
-        return low if ratio.mean() < 0.0 else high
+        return 0.0 if ratio.mean() < 0.0 else math.inf
     for k in range(len(at) - 1):
         if ratio[k] > 0.0 >= ratio[k + 1]:
             return math.exp(at[k] + (at[k + 1] - at[k]) * ratio[k] / (ratio[k] - ratio[k + 1]))
-    return float(np.clip(math.exp(-offset / slope), low, high))
+    root = float(-offset / slope)
+    low, high = at[0] - math.log(2.0), at[-1] + math.log(2.0)
+    return 0.0 if root < low else math.inf if root > high else math.exp(root)
+
+
+def _paid_from(steps: Sequence[Step], sizes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The price of what pays from some sizes on: at least half of the smallest that was drawn, `NEVER` without any."""
+    return np.clip(sizes, 0.5 * steps[0][0], NEVER)

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import pickle
+import signal
+import subprocess
+import sys
+import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 from raymarch.errors import DeviceError
@@ -16,6 +22,9 @@ from raymarch.gpu.targets import Target
 
 LOOP_ITERATIONS = 200_000
 """Iterations of the loop test: three times llvmpipe's limit, and still fast on any device."""
+
+PATIENCE = 60.0
+"""Seconds after which a driver that is examined in a process of its own counts as hanging."""
 
 # The counter depends on a random generator (constants of Numerical Recipes) that the compiler cannot predict, so it
 # must run the loop and cannot replace it by `iterations`. Exact as a float below 2^24.
@@ -91,13 +100,52 @@ class Report:
 def examine(backends: Sequence[str] = BACKENDS) -> list[Report]:
     """Open, test and release each backend. Returns one report for each, in the given order.
 
-    Takes about a second. A backend that does not work raises nothing: its report has the reason. Raises DeviceError for
+    Takes about two seconds. Each is opened in a process of its own: a driver that crashes or hangs ends that one alone,
+    which is reported. A backend that does not work raises nothing: its report has the reason. Raises DeviceError for
     an unknown backend.
     """
     unknown = [backend for backend in backends if backend not in BACKENDS]
     if unknown:
         raise DeviceError(f"unknown backend {unknown[0]!r}", legal=f"legal: {', '.join(BACKENDS)}")
-    return [_examine(backend) for backend in backends]
+    with tempfile.TemporaryDirectory() as folder:
+        files = [Path(folder) / backend for backend in backends]
+        asked = [_asked(backend, file) for backend, file in zip(backends, files, strict=True)]
+        return [_answer(*each) for each in zip(backends, asked, files, strict=True)]
+
+
+def _asked(backend: str, file: Path) -> subprocess.Popen[str]:
+    """A process that examines a backend."""
+    code = "import sys; sys.path[:] = sys.argv[3:]; from raymarch.gpu.doctor import _write; _write(*sys.argv[1:3])"
+    command = [sys.executable, "-c", code, backend, str(file), *sys.path]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, errors="replace")
+
+
+def _answer(backend: str, asked: subprocess.Popen[str], file: Path) -> Report:
+    """The report of a process."""
+    with asked:
+        try:
+            _, said = asked.communicate(timeout=PATIENCE)
+            if asked.returncode == 0:
+                return pickle.loads(file.read_bytes())
+            last = (said.strip().splitlines() or [""])[-1]
+            what = f"the driver crashed ({_reason(asked.returncode)})" + f": {last}" * bool(last)
+        except subprocess.TimeoutExpired:
+            asked.kill()
+            what = f"the driver hung for {PATIENCE:.0f} s"
+    return Report(backend, works=False, error=what, cure="another driver, or one of the other backends")
+
+
+def _reason(code: int) -> str:
+    """Why a process ended, by its exit code."""
+    try:
+        return signal.Signals(-code).name
+    except ValueError:
+        return f"exit code {code}"
+
+
+def _write(backend: str, file: str) -> None:
+    """Examine a backend and write its report to a file."""
+    Path(file).write_bytes(pickle.dumps(_examine(backend)))
 
 
 def _examine(backend: str) -> Report:

@@ -21,13 +21,13 @@ from raymarch import cache
 from raymarch.errors import RaymarchError, warn
 from raymarch.files import read_json, written
 from raymarch.plan.device import DeviceClass
-from raymarch.prices import SWITCH, Prices
+from raymarch.prices import NEVER, SWITCH, Prices
 
 FOLDER = "prices"
 """The folder in the cache."""
 
 FACTOR = 1e4
-"""Largest factor between a measured price and that of the class."""
+"""Largest factor between a measured price and that of the class; one that is never paid has none."""
 
 LEGAL = "a file that `raymarch doctor --measure` wrote; remove it, or measure again"
 
@@ -100,7 +100,7 @@ def _read(file: Path, _changed: int, renderer: str, version: str) -> Measured | 
             raise ValueError("of another driver")
         standard = asdict(Prices())
         for name, value in made.prices.items():
-            if not 1.0 / FACTOR <= float(value) / standard[name] <= FACTOR:
+            if value != NEVER and not 1.0 / FACTOR <= float(value) / standard[name] <= FACTOR:
                 raise ValueError(name)
         return made
     except (RaymarchError, TypeError, ValueError, KeyError, AttributeError, OSError):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -40,6 +41,27 @@ def test_a_missing_library_is_a_report_with_a_cure(monkeypatch: Any) -> None:
     (report,) = examine(["egl"])
     assert not report.works and report.driver is None
     assert report.error == "/nowhere/libEGL.so not loaded" and "libegl1" in str(report.cure)
+
+
+@pytest.mark.parametrize(
+    ("code", "error"),
+    [
+        ("os.kill(os.getpid(), signal.SIGSEGV)", "the driver crashed (SIGSEGV)"),
+        ("print('zink: no device', file=sys.stderr); os._exit(3)", "the driver crashed (exit code 3): zink: no device"),
+    ],
+)
+def test_a_driver_that_crashes_is_a_line_of_the_report(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: str, error: str
+) -> None:
+    """The process of each backend finds another module in place of the one that opens contexts."""
+    folder = tmp_path / "raymarch" / "gpu"
+    folder.mkdir(parents=True)
+    for made in (folder.parent, folder):
+        (made / "__init__.py").write_text("")
+    (folder / "doctor.py").write_text(f"import os, signal, sys\ndef _write(backend, file):\n    {code}\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    for report in examine(["osmesa", "window"]):
+        assert not report.works and report.error == error and report.cure
 
 
 def test_an_unknown_backend_is_refused() -> None:

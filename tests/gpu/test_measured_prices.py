@@ -27,7 +27,7 @@ from raymarch.gpu.driver import Driver
 from raymarch.gpu.measured_prices import Measured, file_of, keep, of_driver, replaced
 from raymarch.plan import plan
 from raymarch.plan.device import HARDWARE, SOFTWARE, as_plain, of_plain
-from raymarch.prices import STANDARD, Prices
+from raymarch.prices import NEVER, STANDARD, Prices
 from raymarch.shader import assemble
 
 PLACES = np.random.default_rng(3).uniform(-2, 2, (50, 3))
@@ -60,8 +60,18 @@ class Fake(Bench):
         noise = self.random.uniform(-self.jitter, self.jitter, (15, len(sides)))
         return Times(np.zeros((3, len(sides))), np.array(frame) * np.exp(noise))
 
+    def sizes(self, scene: rm.Scene, prices: Prices) -> Any:
+        return measuring.SIZES[:3]
+
     def evaluations(self, scene: rm.Scene, prices: Prices) -> float:
         return 1e6
+
+
+@pytest.mark.parametrize(("nanoseconds", "sizes"), [(1e2, measuring.SIZES[2:]), (1e5, measuring.SIZES[:3])])
+def test_a_slow_driver_draws_smaller_pictures(egl: Context, nanoseconds: float, sizes: Any) -> None:
+    ball = rm.Scene(rm.sphere())
+    bench = Bench(egl, SOFTWARE, lambda draw: 1e-6 * nanoseconds * 24 * 14)
+    assert bench.sizes(ball, STANDARD) == sizes
 
 
 def rows_cost(objects: int) -> Any:
@@ -76,6 +86,28 @@ def test_a_clock_that_makes_rows_dear_changes_the_plan(objects: int, rows: bool)
     assert not look_up.kept and made.prices == {"look_up": look_up.value}
     device = measured_prices.with_prices(SOFTWARE, made)
     assert bool(plan(BALLS, device=device).gathered.rows) == rows
+
+
+@pytest.mark.parametrize(("share", "never"), [(0.9, True), (1.1, False)])
+def test_closed_forms_that_are_dearer_at_every_size_are_never_chosen(share: float, never: bool) -> None:
+    def cost(count: int, prices: Prices) -> float:
+        return count * (share if prices.closed_form == NEVER else 1.0)
+
+    made, (closed,) = measure(Fake(cost), "2026-01-02", stages=[measuring._closed_forms])
+    assert (closed.value == NEVER) == never and not closed.kept
+    prices = replaced(Prices(), made.prices)
+    assert (prices.closed_forms == 0) == never, "a scene of one ball marches it"
+    keep(made, DeviceError)
+    assert DRIVER.device_class.prices == prices, "the file is read"
+
+
+@pytest.mark.parametrize("stage", [measuring._boxes, measuring._objects, measuring._cones])
+def test_what_pays_at_no_measured_size_is_never_paid(stage: Any) -> None:
+    def dear(count: int, prices: Prices) -> float:
+        return 2.0 if 0.0 in (prices.skip, prices.look_up, prices.draw) else 1.0
+
+    made, (price,) = measure(Fake(dear), "2026-01-02", stages=[stage])
+    assert made.prices == {price.name: NEVER}
 
 
 def test_a_price_that_noise_hides_is_that_of_the_class() -> None:

@@ -1,6 +1,7 @@
 """Exported pages in a headless Chromium: their pictures against the renderer's, sizes, and screenshots.
 
     python -m tests.lab.pages [NAME ...] [--out FOLDER] [--exact]
+    python -m tests.lab.pages --check [NAME ...]
 
 A pixel is off if it differs by more than 2 of 255. Pixels on edges may be: a ray of float32 falls on either side. The
 last column counts the pixels, not on edges, of the renderer's own picture that are off if its camera moves by 1 ulp.
@@ -9,6 +10,9 @@ Each page is drawn at 1280x720 and 390x844 and saved as a screenshot.
 The first line is the largest error of the browser's sin(x) for |x| <= 8, by a shader of one line: 1.9e-4 in
 SwiftShader, which OpenGL ES allows, and 7e-8 in Mesa. --exact replaces sin and cos in the pages by functions that are
 right to 1e-7: the pixels that are not off any more were due to the device.
+
+--check judges the browser's OpenGL as `raymarch doctor --check` judges a driver: pages of its scenes and of the hard
+cases are drawn, and their distances, normals and colours are held against float64.
 """
 
 from __future__ import annotations
@@ -18,17 +22,23 @@ import base64
 import json
 import re
 import sys
+import tempfile
 import time as clock_time
+import warnings
 import zlib
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 import raymarch as rm
+from raymarch.cost.device import SIZE as CHECKED
+from raymarch.cost.device import Case, Row, cases, compared
 from raymarch.errors import RaymarchError
 from raymarch.scene import load
 from raymarch.scene.parameter import set_values
+from tests.hard.pictures import pairs
 from tests.support.chromium import Browser, find
 
 EXAMPLES = Path(rm.__file__).parents[1] / "examples"
@@ -120,6 +130,72 @@ def make_exact(page: Path) -> None:
     page.write_text(html[: found.start()] + json.dumps(data).replace("<", "\\u003c") + html[found.end() :])
 
 
+SHOWN = "\nwindow.raymarch = { "
+MEASURED = """measured: (width, height) => {
+  const to = target(width, height, 3);
+  const read = (k) => {
+    const all = new Float32Array(4 * width * height);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, to.frame);
+    gl.readBuffer(gl.COLOR_ATTACHMENT0 + k);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.FLOAT, all);
+    return btoa(Array.from(new Uint8Array(all.buffer), (b) => String.fromCharCode(b)).join(""));
+  };
+  measure(to);
+  const found = [read(0), read(1)];
+  gl.bindFramebuffer(gl.FRAMEBUFFER, to.frame);
+  gl.drawBuffers([gl.COLOR_ATTACHMENT0, gl.NONE, gl.NONE]);
+  sample(0, to, unread.textures[0]);
+  return [...found, read(0)];
+}, """
+"""What a page has in addition: the texels of its distances, normals and linear colours."""
+
+
+def hard_cases() -> list[Case]:
+    """The scenes of `raymarch doctor --check`, and those of the hard cases that have a picture."""
+    return [*cases(), *(Case("hard", pair.name, partial(getattr, pair, "scene")) for pair in pairs())]
+
+
+def judged(browser: Browser, case: Case, page: Path) -> Row:
+    """A case drawn by its page, beside float64."""
+    begin = clock_time.perf_counter()
+    width, height = CHECKED
+    try:
+        scene = case.make()
+        rm.export(scene, page)
+        html = page.read_text()
+        assert html.count(SHOWN) == 1
+        page.write_text(html.replace(SHOWN, SHOWN + MEASURED))
+        browser.open(page)
+        browser.run("raymarch.play(false), raymarch.state.time = 0, raymarch.change()")
+        read = browser.run(f"raymarch.measured({width}, {height})")
+    except (RaymarchError, RuntimeError) as fault:
+        return Row(case.group, case.name, fault=" ".join(str(fault).split())[:300])
+    texels = (np.frombuffer(base64.b64decode(each), np.float32).reshape(height, width, 4)[::-1] for each in read)
+    march, surface, color = (each.astype(np.float64) for each in texels)
+    depth = np.where(march[..., 0] < 0.0, np.inf, march[..., 0])
+    seconds = clock_time.perf_counter() - begin
+    return compared(case, scene, depth, surface[..., :3], color[..., :3] if case.lit else None, seconds)
+
+
+def check(names: list[str]) -> int:
+    """Prints each case, and the count of those that are as in float64. 1 if any is not."""
+    chosen = [case for case in hard_cases() if not names or case.name in names]
+    bad = 0
+    with tempfile.TemporaryDirectory() as folder, Browser() as browser:
+        for case in chosen:
+            row = judged(browser, case, Path(folder) / "page.html")
+            bad += not row.holds
+            counts = f"{row.hits:5} hits, {row.missed} missed, {row.false} invented"
+            worst = f"depth {row.depth:.2g} px, normal {row.normal:.2g} degrees, color {row.color:.2g}"
+            verdict = "" if row.holds else "DIFFERS"
+            print(
+                f"{row.group:10} {row.name:30} {verdict:8} {counts}, {worst}, {row.seconds:.1f} s {row.fault}",
+                flush=True,
+            )
+    print(f"{len(chosen) - bad} of {len(chosen)} scenes are as in float64")
+    return int(bad > 0)
+
+
 def unstable(renderer: rm.Renderer, scene: rm.Scene, wanted: NDArray[np.int64]) -> int:
     """Pixels, not on edges, that are off in the renderer's own picture if its camera moves by 1 ulp."""
     given = scene.pose(set_values(scene.parameters))
@@ -138,10 +214,14 @@ def main() -> int:
     parser.add_argument("names", nargs="*")
     parser.add_argument("--out", type=Path, default=Path("pages"))
     parser.add_argument("--exact", action="store_true", help="replace sin and cos in the pages")
+    parser.add_argument("--check", action="store_true", help="hold pages of the hard cases against float64")
     given = parser.parse_args()
     if find() is None:
         print("no Chromium is installed: install the package chromium")
         return 2
+    if given.check:
+        warnings.simplefilter("ignore")
+        return check(given.names)
     given.out.mkdir(parents=True, exist_ok=True)
     scenes = sorted([*EXAMPLES.glob("*.py"), *EXAMPLES.glob("papers/*.py")])
     worst = 0

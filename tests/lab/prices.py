@@ -26,11 +26,11 @@ from dataclasses import replace
 import numpy as np
 
 import raymarch as rm
-from raymarch.cost.prices import NEVER, Bench, measure
+from raymarch.cost.prices import Bench, measure
 from raymarch.gpu.context import open_context
 from raymarch.gpu.measured_prices import replaced
 from raymarch.plan import plan
-from raymarch.prices import Prices
+from raymarch.prices import NEVER, Prices
 
 BAR = 1.05
 SUN = rm.Sun(sun_direction=(0.6, 1, 0.5), shadow=True)
@@ -115,7 +115,7 @@ def forced(prices: Prices) -> dict[str, Prices]:
         "closed forms": {"closed_form": 1e-9},
         "no closed forms": {"closed_form": NEVER},
         "cones": {"draw": 1e-9},
-        "no cones": {"draw": 1e15},
+        "no cones": {"draw": NEVER},
         "advance": {"advance": NEVER, "patience": 10.0},
         "no advance": {"advance": 0.0},
     }
