@@ -137,7 +137,8 @@ def _traced(source: Any) -> Function:
     code = getattr(source, "__code__", of_point.__code__)
     name = getattr(source, "__name__", "surface").strip("<>")
     made = trace("surface" if name == "lambda" else name, of_point, [("p", VEC3)], code)
-    made = unique_function(made.name, made.params, _with_norms(made.body), {}, made.where)
+    where = made.where if hasattr(source, "__code__") else None  # else that of the call is the user's
+    made = unique_function(made.name, made.params, _with_norms(made.body), {}, where)
     if made.type is not FLOAT:
         raise SceneError(f"implicit: the function gives a {made.type}", legal=LEGAL, where=made.where)
     if made.params[0] not in topological([made.body]):
@@ -224,7 +225,7 @@ def _refuse(function: Function, values: NDArray[np.float64], points: NDArray[np.
             f"implicit: {function.name} is {flat[first]} at {points[first].tolist()}", legal=legal, where=function.where
         )
     if flat.min() >= 0.0:
-        at, least = points[flat.argmin()].tolist(), flat.min()
+        at, least = points[flat.argmin()].round(4).tolist(), flat.min()
         what = f"implicit: {function.name} is nowhere below its level in the box: {least:g} above it at least, at {at}"
         raise SceneError(what, legal="values below the level inside: another level or box, or -f")
     if flat.max() <= 0.0:

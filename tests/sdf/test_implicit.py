@@ -87,6 +87,7 @@ def test_a_root_of_squares_is_a_length() -> None:
         (lambda: rm.implicit(lambda p: 1.0, 1.0), "does not depend on the point"),
         (lambda: rm.implicit(lambda p: "x", 1.0), "negative inside, of functions of raymarch"),
         (lambda: rm.implicit(lambda p: p.x < 0.0, 1.0), "gives a bool"),
+        (lambda: rm.implicit(np.sin, 1.0), "test_implicit.py"),
         (lambda: rm.implicit(3.0, 1.0), "negative inside, of functions of raymarch"),
         (lambda: rm.implicit(rm.sphere(), 1.0), "negative inside, of functions of raymarch"),
         (lambda: rm.implicit(lambda p: math.sin(p.x), 1.0), "rm.sin in place of math.sin"),
