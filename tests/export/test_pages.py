@@ -23,6 +23,7 @@ from tests.export.test_shaders import EXAMPLES, SCENES, compare, page, picture
 from tests.support import chromium
 from tests.support.commands import files, run
 from tests.support.required import glslang
+from tests.support.surfaces import SURFACES
 
 browsing = [
     pytest.mark.may_skip,
@@ -108,16 +109,26 @@ def test_what_a_page_cannot_hold_is_refused(tmp_path: Path) -> None:
     assert not files(tmp_path)
 
 
+LAND = rm.implicit(lambda p: p.y - rm.fbm(0.4 * p.xz, 2, noise="value"), ((-6, -1, -9), (6, 1, 4)))
+AHEAD = {
+    "implicit": rm.Scene(SURFACES["klein"].node()),
+    "land": rm.Scene(LAND, rm.Camera((0, 1.6, 5), (0, 0.9, 0))),
+    "displaced": rm.Scene(rm.sphere().displace(lambda p: 0.1 * rm.sin(8 * p.x) * rm.sin(8 * p.y))),
+}
+"""Solids that are known along stretches of a ray, and one that is not."""
+
+
 class TestInABrowser:
     pytestmark = browsing
 
-    @pytest.mark.parametrize("name", ["parameters", "framed", "textures", "sky"])
+    @pytest.mark.parametrize("name", ["parameters", "framed", "textures", "sky", *AHEAD])
     def test_a_page_draws_the_picture(
         self, name: str, browser: chromium.Browser, renderer: Renderer, tmp_path: Path
     ) -> None:
-        browser.open(page(CASES[name], tmp_path)[0])
+        scene = (CASES | AHEAD)[name]
+        browser.open(page(scene, tmp_path)[0])
         browser.run("raymarch.play(false), raymarch.state.time = 0.8")
-        compare(browser.picture(64, 48).astype(int), picture(renderer, CASES[name], 0.8))
+        compare(browser.picture(64, 48).astype(int), picture(renderer, scene, 0.8))
         assert not browser.messages
 
     def test_samples_add_up(self, browser: chromium.Browser, renderer: Renderer, tmp_path: Path) -> None:
