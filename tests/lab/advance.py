@@ -186,10 +186,8 @@ def main() -> None:
         found = drawn(scene, size, given.pairs)
         counts = " -> ".join(f"{each.mean:5.2f} ({each.mean / floor:.2f})" for each in found.values())
         judgement = " | ".join(judged(each.depth, true, pixel) for each in found.values())
-        auto = plan(scene, size).marching.tracer
-        print(
-            f"{name:27} N* {floor:5.2f}  {counts}  {judgement}  CPU time x {time_ratio(found)}, auto {auto}", flush=True
-        )
+        ratio = f"CPU time x {time_ratio(found)}, auto: {plan(scene, size=size).marching.tracer}"
+        print(f"{name:27} N* {floor:5.2f}  {counts}  {judgement}  {ratio}", flush=True)
 
 
 if __name__ == "__main__":
