@@ -303,6 +303,8 @@ class Advancing:
             return union_of(value, *both) if len(both) == 2 else None
         if len(both) == 2:
             return intersection_of(value, *both)
+        if both and self.wholly:  # such as a displaced solid, which is known up to its shell only
+            raise OnlyDistance(scope.ask.node)
         scope.whole = False
         return replace(both[0], value=value, straight=False, signed=None) if both else None
 

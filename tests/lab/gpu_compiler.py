@@ -4,6 +4,7 @@ python -m tests.lab.gpu_compiler                   # every example, RDNA 2, Vega
 python -m tests.lab.gpu_compiler hello village     # some
 python -m tests.lab.gpu_compiler --nodes           # every node sample, too
 python -m tests.lab.gpu_compiler --family navi21   # one chip
+python -m tests.lab.gpu_compiler plates --tracer bracketing     # with a tracer in place of that of the scene
 python -m tests.lab.gpu_compiler --loops           # the loops of hello beside those of a tracer written by hand
 
 No GPU is needed: Mesa's RADV compiles for chips that are not there. How long a frame takes it cannot say. Registers
@@ -71,6 +72,7 @@ def main() -> int:
     parser.add_argument("--nodes", action="store_true", help="also the samples of all nodes")
     parser.add_argument("--loops", action="store_true", help="instructions of the loops of hello and of one by hand")
     parser.add_argument("--family", choices=FAMILIES, help="one chip")
+    parser.add_argument("--tracer", help="of all scenes")
     given = parser.parse_args()
     if lacking := missing():
         print(f"missing: {lacking}")
@@ -87,7 +89,10 @@ def main() -> int:
         for name, build in scenes(given.names, given.nodes):
             for family in [given.family] if given.family else FAMILIES:
                 try:
-                    found = passes_of(build(), compiler, family)
+                    scene = build()
+                    if given.tracer:
+                        scene = scene.replace(quality=scene.quality.replace(tracer=given.tracer))
+                    found = passes_of(scene, compiler, family)
                 except (rm.RaymarchError, RuntimeError) as fault:
                     print(f"{name:40} {family:9} refused: {str(fault)[:200]}", flush=True)
                     continue

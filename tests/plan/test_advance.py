@@ -50,6 +50,12 @@ def test_carved_solids_take_it() -> None:
         assert marching.tracer == "advance" and not marching.free
 
 
+def test_a_displaced_solid_is_known_along_rays_up_to_its_shell_only() -> None:
+    """Below the shell rays would step by the divided value, and take twice the evaluations of bracketing."""
+    marching = plan(rm.Scene(rm.sphere().displace_by_noise(0.25, 4.0) | rm.box(1)), size=(320, 180)).marching
+    assert marching.tracer == "bracketing" and "of displace_by_noise nothing but the distance" in marching.tracer_reason
+
+
 def test_flat_fields_are_marched_by_distance() -> None:
     """An ellipsoid a millionth as high as wide: its values are smaller than their rounding error far from it."""
     scene = rm.Scene(rm.sphere().scale((1, 1e-6, 1)), quality=rm.Quality(analytic=False))
