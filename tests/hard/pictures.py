@@ -73,6 +73,7 @@ def marches() -> Iterator[Pair]:
     room = rm.Scene(
         rm.box(4.0) - rm.sphere(0.5).translate((-0.4, -0.8, -1.6)),
         rm.Camera((0.9, 0.3, 1.6), (-0.2, -0.3, -1), fov=70.0),
+        quality=rm.Quality(tracer="bracketing"),
     )
     yield Pair(27, "camera inside a solid", room, unmended=without("march/distance", "u_side * field", "field"))
 
