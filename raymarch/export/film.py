@@ -65,7 +65,7 @@ def write_film(file: Path, suffix: str, pictures: Iterable[Image.Image], fps: fl
 
 
 def _write_gif(file: Path, pictures: Iterator[Image.Image], fps: float) -> None:
-    """Each picture has its own 256 colours, and only the box of pixels that changed.
+    """Each picture has its own 256 colours, not dithered, and only the box of pixels that changed.
 
     Delays are rounded so that their sum is right. A picture equal to the last one prolongs its delay.
     """
@@ -73,7 +73,7 @@ def _write_gif(file: Path, pictures: Iterator[Image.Image], fps: float) -> None:
         shown: Image.Image | None = None
         block, start, number = b"", 0, 0
         for number, picture in enumerate(pictures):
-            coded = picture.convert("RGB").quantize(dither=Image.Dither.FLOYDSTEINBERG)
+            coded = picture.convert("RGB").quantize()
             new = coded.convert("RGB")
             box = (0, 0, *new.size) if shown is None else ImageChops.difference(new, shown).getbbox()
             if shown is None:
