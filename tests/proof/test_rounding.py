@@ -58,7 +58,7 @@ ROUNDED: dict[str, Operation] = {
     "sub": (r.sub, lambda x, y: x - y, (BOTH, BOTH)),
     "mul": (r.mul, lambda x, y: x * y, (BOTH, BOTH)),
     "div": (r.div, lambda x, y: x / y, (BOTH, (1e-3, 1e6))),
-    "power": (r.power, lambda x, y: x**y, ((1e-30, 1e6), (-12.0, 12.0))),
+    "power": (r.power, lambda x, y: x**y, ((1e-25, 1e6), (-12.0, 12.0))),
     "arctan2": (lambda y, x: r.arctan2(y, x)[0], mpmath.atan2, ((-1e3, 1e3), (-1e3, 1e3))),
 }
 """What `rounding` computes."""
@@ -124,7 +124,7 @@ LANGUAGE: dict[str, Operation] = {
     "sinh": _read(v.sinh, mpmath.sinh, (-700.0, 700.0)),
     "cosh": _read(v.cosh, mpmath.cosh, (-700.0, 700.0)),
     "tanh": _read(v.tanh, mpmath.tanh, (-40.0, 40.0)),
-    "pow": _read(v.pow, lambda x, y: x**y, (1e-30, 1e6), (-12.0, 12.0)),
+    "pow": _read(v.pow, lambda x, y: x**y, (1e-25, 1e6), (-12.0, 12.0)),
     "floor": _read(v.floor, mpmath.floor, BOTH),
     "ceil": _read(v.ceil, mpmath.ceil, BOTH),
     "round": _read(v.round, lambda x: mpmath.floor(x + 0.5), BOTH),
