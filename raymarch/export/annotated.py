@@ -70,6 +70,7 @@ def figure(
     -------
     matplotlib.figure.Figure
         `figure.savefig("figure.pdf")` writes it; `figure.axes[0]` shows the picture, in pixels, for further marks.
+        It is a picture in the cell of a notebook.
 
     Raises
     ------
@@ -85,7 +86,7 @@ def figure(
     >>> rm.figure(rm.torus(), colors="viridis", low=0, high=5, label="speed (m/s)", box=True).savefig("figure.pdf")
     """
     import_optional("figure", "matplotlib", "report", CostError)
-    from matplotlib.figure import Figure
+    from raymarch.export.notebook_figure import NotebookFigure  # matplotlib takes time, and is optional
 
     scene = as_scene("figure", scene)
     corners = _box_of(scene, box)
@@ -94,7 +95,7 @@ def figure(
         frame = renderer.render(made, time, params, ("color", "depth"))
         image, depth, pose = np.asarray(frame.image()), frame.depth, _pose(frame)
     width, height = size
-    drawn = Figure(figsize=(width / 100 + 1.2 * (colors is not None), height / 100), layout="constrained")
+    drawn = NotebookFigure(figsize=(width / 100 + 1.2 * (colors is not None), height / 100), layout="constrained")
     shown = drawn.subplots()
     shown.imshow(image, interpolation="none")
     shown.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))

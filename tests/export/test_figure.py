@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import pickle
+from io import BytesIO
 from typing import Any
 
 import matplotlib
 import numpy as np
 import pytest
+from PIL import Image
 
 import raymarch as rm
 
@@ -95,3 +98,9 @@ def test_refused(given: dict[str, Any], message: str) -> None:
         rm.figure(BALL, (16, 12), samples=1, **given)
     with pytest.raises(rm.SceneError, match="without end"):
         rm.figure(rm.plane(), (16, 12), box=True)
+
+
+def test_a_figure_is_a_picture_in_a_notebook() -> None:
+    figure = rm.figure(BALL, size=(64, 48), samples=1)
+    shown = pickle.loads(pickle.dumps(figure))._repr_png_()
+    assert Image.open(BytesIO(shown)).size == (64, 48) and np.asarray(Image.open(BytesIO(shown))).std() > 10
