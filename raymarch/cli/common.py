@@ -47,6 +47,9 @@ class Errors(Console):
             self._buffer.clear()
 
 
+if not os.environ.get("COLUMNS", "0").strip("0"):
+    os.environ.pop("COLUMNS", None)  # a terminal without a size; to rich and typer, zero columns have no room for text
+
 errors = Errors()
 
 DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}

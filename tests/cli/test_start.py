@@ -237,6 +237,14 @@ def test_garbage_is_collected_again_when_a_command_runs(tmp_path: Path) -> None:
     modules_after("-c", code + SHOWN, folder=tmp_path)
 
 
+@pytest.mark.parametrize("columns", ["0", "000", "", "1"])
+def test_text_is_printed_whatever_the_width(columns: str) -> None:
+    code = "from raymarch.cli.common import Output; Output().print('a line')"
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": columns}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout == "a line\n"
+
+
 def test_a_log_gets_lines_of_progress(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """Where the error stream is no terminal, as in CI: one line in every so many seconds."""
     now = [0.0]
