@@ -38,6 +38,10 @@ touches it."""
 FACING = 0.02
 """Least cosine between normal and light: below, a picture does not show whether light arrives."""
 
+AWAY = 0.25
+"""Cosine between normal and ray from which a hit is on the far side of a thin solid. Normals that face away by less are
+those of silhouettes, as in the shader."""
+
 MOST = 1 << 20
 """Ways from hits to lights that are searched; the others stay open."""
 
@@ -87,8 +91,8 @@ _WORDS = ((CONTRADICTED, "contradicted"), (OPEN, "open"))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lit:
-    """Proved hits: the camera's rays and the distances along them, points, unit normals towards the camera, tolerances,
-    the pixels they belong to, and the shape (H, W) of the picture."""
+    """Proved hits: the camera's rays and the distances along them, points, unit normals of the visible side,
+    tolerances, the pixels they belong to, and the shape (H, W) of the picture."""
 
     rays: Rays
     points: Array
@@ -118,10 +122,10 @@ class Lit:
         points = rays.origins + depth[:, None] * directions
         with bound(values.params, values.time):
             gradient = evaluate_gradient(node, points) if len(points) else np.zeros((0, 3))
-        side = np.where(np.sum(gradient * directions, axis=1) > 0.0, -1.0, 1.0)
         size = np.linalg.norm(gradient, axis=1)
-        normals = gradient * (side / np.where(size > 0.0, size, 1.0))[:, None]
-        return cls(rays, points, normals, within, depth, pixels, shape)
+        normals = gradient / np.where(size > 0.0, size, 1.0)[:, None]
+        turned = np.sum(normals * directions, axis=1) > AWAY
+        return cls(rays, points, np.where(turned[:, None], -normals, normals), within, depth, pixels, shape)
 
 
 def lit_pixels(

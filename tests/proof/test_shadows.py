@@ -222,3 +222,14 @@ def test_a_hit_on_the_far_side_of_an_edge_is_dark_without_a_blocker(monkeypatch:
     monkeypatch.setattr(module, "lit_pixels", over_the_edge)
     (found,) = rm.prove(above, size=(48, 36), tolerance="2px", shadows=True).shadows
     assert moved[0] > 2 and found.count(CONTRADICTED) == 0 and found.asked > 10
+
+
+def test_a_hit_behind_the_rim_of_a_ball_is_not_lit_from_within(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The ray passes the ball by less than the tolerance, and the normal of its hit faces away from the camera."""
+    frame = type("", (), {"depth": np.array([[5.005]])})()
+    monkeypatch.setattr(module, "lit_pixels", lambda *_: (np.zeros((1, 1, 3), bool), frame.depth))
+    ball = rm.sphere(1.0).translate((-1.0005, 0, 0)).visible(shadow=False)
+    for x, asked in ((-1.0, 0), (1.0, 1)):
+        lit = rm.Scene(ball, rm.Camera((0, 0, 5), (0, 0, 0)), [rm.PointLight((x, 0, 0), shadow=True)])
+        found = rm.prove(lit, frame, tolerance=0.01, shadows=True)
+        assert found.grazing.all() and found.shadows[0].asked == asked
