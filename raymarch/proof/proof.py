@@ -14,6 +14,7 @@ from PIL import Image
 from raymarch.errors import SceneError
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import numbers, short, switch
+from raymarch.expr.walk import topological
 from raymarch.gpu.renderer import Renderer
 from raymarch.proof.facts import wrong_facts
 from raymarch.proof.pixels import coverage
@@ -61,6 +62,8 @@ class Proof:
         solid covers; else None.
     assumed : what the proof takes from definitions: the constants of shapes that solve an equation in a loop, and of
         `glsl_node`, whose twin is taken for its GLSL.
+    estimates : the shapes and operators whose field is an estimate. Rays end where it is small, which may be before its
+        surface: such hits are contradicted.
     shadows : with `shadows=True`, what is proved about each light with a hard shadow.
     """
 
@@ -74,6 +77,7 @@ class Proof:
     reasons: Mapping[str, int]
     tolerance: str = field(default="0.05px")
     assumed: tuple[str, ...] = ()
+    estimates: tuple[str, ...] = ()
     coverage: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
     shadows: tuple[Shadows, ...] = ()
     _asked: tuple[Node, Values] | None = None
@@ -123,7 +127,8 @@ class Proof:
             parts += [
                 f"{whole:,} pixels are covered, {empty:,} empty, {low.size - whole - empty:,} hold an edge or may"
             ]
-        parts += [f"{self.contradicted:,} contradicted"] if self.contradicted else []
+        of = f" (rays end where an estimate is small: {', '.join(self.estimates)})" if self.estimates else ""
+        parts += [f"{self.contradicted:,} contradicted{of}"] if self.contradicted else []
         parts += [f"{self.open:,} open"] if self.open else []
         parts += [str(each) for each in self.shadows]
         return "; ".join(parts)
@@ -161,6 +166,7 @@ class Proof:
             "evaluations": float(self.evaluations.mean()),
             "reasons": dict(self.reasons),
             "assumed": list(self.assumed),
+            "estimates": list(self.estimates),
             "wrong_facts": list(self.wrong_facts),
             "shadows": [
                 {
@@ -280,10 +286,18 @@ def prove(
         reasons=reasons,
         tolerance=text,
         assumed=solid.outside.assumed,
+        estimates=_estimates(scene.node),
         coverage=covered,
         shadows=cast,
         _asked=(scene.node, values),
     )
+
+
+def _estimates(root: Node) -> tuple[str, ...]:
+    """The names of nodes whose field is an estimate, though those of their children are none."""
+    nodes = topological([root], lambda node: node.children)
+    kind = {node: node.facts.exactness == "estimate" for node in nodes}
+    return tuple(sorted({node.name for node in nodes if kind[node] and not any(kind[c] for c in node.children)}))
 
 
 def _stages(progress: Callable[[float], None] | None, count: int) -> Iterator[Callable[[float], None] | None]:

@@ -251,6 +251,17 @@ def test_what_keeps_pixels_open_is_named() -> None:
     assert found.assumed == ()
 
 
+def test_an_estimate_that_ends_rays_before_its_surface_is_named() -> None:
+    @rm.shape(exactness="estimate", bounds=lambda: cube(1.0))
+    def flat(p: Any) -> Any:
+        """A ball whose field is small far from it."""
+        return 0.02 * (rm.length(p) - 1.0)
+
+    found = rm.prove(rm.Scene(flat().translate((0, 0.1, 0)) | rm.plane(offset=-1), camera=SCENE.camera), size=(24, 14))
+    assert found.contradicted > 5 and found.estimates == ("flat",) == tuple(found.as_dict()["estimates"])
+    assert f"{found.contradicted} contradicted (rays end where an estimate is small: flat)" in str(found)
+
+
 @pytest.mark.parametrize("radius, wrong", [(1.0, False), (1.02, True)])
 def test_glsl_of_the_user_is_proved_by_its_twin(radius: float, wrong: bool) -> None:
     """And by the constant that the user states. The proof names both; a twin with other values is contradicted."""
