@@ -193,7 +193,8 @@ def _exposed(exposure: float) -> Steps:
         for _ in range(3):
             light = np.where(light.astype(np.float64) * scale >= edges, light, np.nextafter(light, np.float32(np.inf)))
     light = np.where(np.isfinite(light), light, np.float32(np.nan))
-    return Steps(np.float32(scale), first, light, *_by_upper_bits(np.unique(light[light <= FLOATS_END])))
+    reached = light[light <= FLOATS_END]  # in ascending order, with repetitions
+    return Steps(np.float32(scale), first, light, *_by_upper_bits(reached[np.diff(reached, prepend=0.0) > 0.0]))
 
 
 FLOATS_END = np.finfo(np.float32).max
