@@ -151,7 +151,7 @@ class Advancing:
             template = reading_of(node.definition.template(0, node.params), ask.undivided)
             pair = along(template)(ask.point, ask.direction, *values_of(node))
             return self._tangent(ask, self._divided_value(ask, pair))
-        if is_implicit(node) and (known := _on_stretch(ask)) is not None:
+        if is_implicit(node) and (known := _on_stretch(ask, only_united(self._roots[-1]))) is not None:
             return known.beside(Line(known.value, -ask.steepest))
         if node.definition.name == "terrain" and not ask.negated:
             made = self._by_constant(ask, self._field(ask)(ask.point))
@@ -361,6 +361,15 @@ def steepest_slopes(root: Node) -> list[float]:
     return found
 
 
+@remembered
+def only_united(root: Node) -> bool:
+    """True for several solids that are placed and united, and nothing else: a lower bound of the field is as good as
+    its value far from them. Rays are clipped to the box of a solid that is alone."""
+    nodes = children_first(root)
+    placed = all(not n.children or n.label is not None or n.placed_as in PLACING for n in nodes)
+    return placed and sum(not n.children for n in nodes) > 1
+
+
 DEEPEST = 100
 """Largest number of nodes one above the other of a tree that is read: the readings of a chain are nested functions."""
 
@@ -380,8 +389,11 @@ def _over_heights(ask: Ask) -> Ahead:
     return lambda *at: over(ask.point, ask.direction, vec2(*at) * unit, size, height, STRETCH)
 
 
-def _on_stretch(ask: Ask) -> Reading | None:
-    """The reading of an implicit surface on the stretch that is looked at; None if nothing is known of its function."""
+def _on_stretch(ask: Ask, far: bool) -> Reading | None:
+    """The reading of an implicit surface on the stretch that is looked at; None if nothing is known of its function.
+
+    far : True if its value may be a lower bound of the field outside of its box.
+    """
     function, lower, upper, *numbers = (ask.node.params[name] for name in IMPLICIT)
     _, unit, steepest = numbers
     if free_way(function, ask.negated) is None:
@@ -389,7 +401,7 @@ def _on_stretch(ask: Ask) -> Reading | None:
     side = -1.0 if ask.negated else 1.0
 
     def both(level: Expr, growth: Expr) -> Expr:
-        free = free_way(function, ask.negated, _is_times(level, ask.level))
+        free = free_way(function, ask.negated, _is_times(level, ask.level), far)
         assert free is not None
         return free(ask.point, ask.direction, lower, upper, vec2(level, growth), vec3(*numbers), STRETCH)
 

@@ -52,7 +52,7 @@ RAY, CONE = 1.5e-6, 1e-4
 
 SHELL = 1e-4
 """A level above this share of the box grows the box: then the function counts inside of the box only. A ray that is
-nearer to the box is read from where it enters."""
+nearer to the box is read from where it enters; in a tree of nothing but unions, also one that is farther."""
 
 SHARES = (1.0, 0.5)
 """Shares of the stretch that are looked at where a function has limits; the longest way counts. Of octaves of noise,
@@ -62,20 +62,21 @@ cost as much as they save."""
 NAMES = ("p", "d", "lower", "upper", "growing", "scales", "w")
 
 
-def free_way(definition: Function, negated: bool, plain: bool = False) -> Function | None:
+def free_way(definition: Function, negated: bool, plain: bool = False, far: bool = False) -> Function | None:
     """`vec2 name(vec3 p, vec3 d, vec3 lower, vec3 upper, vec2 growing, vec3 scales, float w)`: the value of the
     function less its level, at the nearest point of the box, and the way that is free.
 
     p, d : a point and a direction of any length. lower, upper : the box that cuts the solid. growing : level and growth
     of what the field must exceed. scales : level, unit and steepest slope of the function. w : the stretch looked at.
     negated : for the complement. plain : True if the level is that of the ray or cone itself, and so not negative: then
-    the way has the sign of the function, and is as long as that stays. None if nothing is known of the function along a
-    stretch.
+    the way has the sign of the function, and is as long as that stays. far : True if the value may be a lower bound of
+    it from outside of the box: then the way goes through the box at once. None if nothing is known of the function
+    along a stretch.
     """
-    return definition.once(("free way", negated, plain), lambda: _free_way(definition, negated, plain))
+    return definition.once(("free way", negated, plain, far), lambda: _free_way(definition, negated, plain, far))
 
 
-def _free_way(definition: Function, negated: bool, plain: bool) -> Function | None:
+def _free_way(definition: Function, negated: bool, plain: bool, far: bool) -> Function | None:
     types = (VEC3, VEC3, VEC3, VEC3, VEC2, VEC3, FLOAT)
     params = tuple(var(name, type) for name, type in zip(NAMES, types, strict=True))
     p, d, lower, upper, growing, scales, w = params
@@ -85,7 +86,7 @@ def _free_way(definition: Function, negated: bool, plain: bool) -> Function | No
     first, last = max(*min(*ends)), min(*max(*ends))
     met = last >= max(first, 0.0)
     shell = SHELL * max(*(upper - lower))
-    begin = const(0.0) if negated else where(met & (first < shell), max(first, 0.0), 0.0)
+    begin = const(0.0) if negated else where(met if far else met & (first < shell), max(first, 0.0), 0.0)
     at = clamp(p + begin * d, lower, upper)
     # A cone needs the distance, of which the divided function is a bound. The rounding error of a ray is no distance:
     # where the function is flat, as at singular points, it is met far before its surface.
@@ -113,10 +114,10 @@ def _free_way(definition: Function, negated: bool, plain: bool) -> Function | No
         ahead = max(*[free_on(share * w)[-1] for share in SHARES])
     leaving = where(grown, _exit(p, d, lower + level, upper - level, growth), last)
     to_end = where(in_box, min(ahead, leaving), 0.0)
-    half, far = 0.5 * (upper - lower), max(level, 0.0)
-    to_grown = way_to_box(p - lower - half, d, half + (far + MARGIN * max(*max(abs(lower), abs(upper)))), growth)
+    half, more = 0.5 * (upper - lower), max(level, 0.0)
+    to_grown = way_to_box(p - lower - half, d, half + (more + MARGIN * max(*max(abs(lower), abs(upper)))), growth)
     through = where(begin + ahead < last, begin + ahead, FARTHEST)
-    to_box = where(met, where(begin < first, first, through), FARTHEST)
+    to_box = where(met, through if far else where(begin < first, first, through), FARTHEST)
     outside = where(grown, where(in_box, min(ahead, last), to_grown), to_box)
     way = where(inside, -to_end, outside) if plain else to_end if negated else outside
     fallen = scales.z * begin * dot(abs(d), (1.0, 1.0, 1.0))

@@ -69,6 +69,22 @@ def test_no_surface_lies_in_the_advance(sample: NodeSample) -> None:
     assert np.all(inside | (advance > 0.999 * (plain - start) / (1.0 + growth) * node.lipschitz - 1e-9))
 
 
+def test_of_united_implicit_surfaces_the_value_is_a_bound_and_the_way_leads_through_the_box() -> None:
+    quadric = rm.implicit(lambda p: p.x**2 + 2 * p.y**2 + p.z**2 - 1, 1.2).rotate(0.5, "y")
+    node = quadric.translate((-2, 0, 0)) | rm.sphere(0.4).translate((2, 0, 0))
+    made = Advancing(Lowering()).function(node)
+    points, directions, size = lines_through(node, 2000, 5)
+    (found,) = evaluator([made.body], [*made.params, STRETCH])(points, directions, 0.0, 0.0, 3.0 * size)
+    distance, far = node.distance(points), quadric.translate((-2, 0, 0)).distance(points) > 1.3
+    assert np.all(np.sign(found[:, 0]) == np.sign(distance))
+    assert np.all(found[:, 0] <= distance + 1e-12)
+    s = np.minimum(np.abs(found[:, 1]), 8.0 * size)[:, None] * np.linspace(0.0, 0.999999, 60)
+    passed = node.distance((points[:, None] + s[..., None] * directions[:, None]).reshape(-1, 3)).reshape(s.shape)
+    assert np.all(passed * np.sign(distance)[:, None] > -1e-9 * size)
+    ends = node.distance(points + np.minimum(found[:, 1], 8.0 * size)[:, None] * directions)
+    assert np.sum(far & (found[:, 1] < 8.0 * size) & (np.abs(ends) < 1e-3)) > 50
+
+
 @pytest.mark.parametrize("shape", [(2, 2), (3, 40), (33, 34)])
 def test_steep_heights_are_not_passed(shape: tuple[int, int]) -> None:
     random = np.random.default_rng(8)
