@@ -445,21 +445,21 @@ class _ManyMaterials(_Evaluated):
         """
         located, place = self.located, self.located.place
         if self.single is not None:
-            distance, slope = located.walk(place, p, lambda i, entry, pair, read: (pair[1],))
+            distance, slope = located.walk(place, p, lambda i, entry, read: ())
             return distance, slope, self.single
         if self.rows.family:
             return self._blended(p, at)
         if self.common is not None:
 
-            def slots(i: int, _entry: Expr, pair: tuple[Expr, Expr], read: Sequence[Expr]) -> Sequence[Expr]:
+            def slots(i: int, _entry: Expr, read: Sequence[Expr]) -> Sequence[Expr]:
                 varying = self.rows.stored.varying[i]
                 fixed = const(float(self.rows.forms[i].slots[0, self.slots[i]]))
-                return pair[1], read[-1] if varying else fixed
+                return [read[-1] if varying else fixed]
 
             distance, slope, row = located.walk(place, p, slots)
             material = RowMaterial(self.common, row)
             return distance, slope, self.parts._wanted(material, material.expressions, self.wanted)
-        distance, slope, entry = located.walk(place, p, lambda i, entry, pair, read: (pair[1], entry))
+        distance, slope, entry = located.walk(place, p, lambda i, entry, read: (entry,))
         stored = self.rows.stored
         found = [f(p, at, *stored.read(i, entry), *_interaction_in(f.body)) for i, f in enumerate(self.functions)]
         return distance, slope, stored.choose(entry, found)
@@ -469,10 +469,11 @@ class _ManyMaterials(_Evaluated):
         bodies = [function.body for function in self.functions]
         same = same_constants(bodies) if self.wanted is not None else {}
 
-        def carried(i: int, _entry: Expr, pair: tuple[Expr, Expr], read: Sequence[Expr]) -> Sequence[Expr]:
+        def carried(i: int, _entry: Expr, read: Sequence[Expr]) -> Sequence[Expr]:
             value = self.functions[i](p, at, *read, *_interaction_in(bodies[i]))
-            mixed = [part for k, part in enumerate(parts_of(value)) if k not in same]
-            return (pair[1], *([value, const(1.0)] if self.wanted is None else mixed))
+            if self.wanted is None:
+                return [value, const(1.0)]
+            return [part for k, part in enumerate(parts_of(value)) if k not in same]
 
         def larger(wa: Expr, wb: Expr, left: Sequence[Expr], right: Sequence[Expr]) -> Sequence[Expr]:
             slope = wa * left[0] + wb * right[0]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import Doubt
 from raymarch.expr.arrays import Remembered, bound
-from raymarch.expr.derivative import gradient, state_gradient
+from raymarch.expr.derivative import companion, gradient, state_gradient
 from raymarch.expr.function import Function, loop
 from raymarch.expr.node import Expr, const, construct, expr, swizzle, var
 from raymarch.expr.partials import zero
@@ -20,7 +20,7 @@ from raymarch.expr.tables import MOST, LiveTable, Table, fetch
 from raymarch.expr.types import FLOAT, VEC3
 from raymarch.expr.vocabulary import all_of, clamp, dot, floor, length, normalize, where
 from raymarch.expr.walk import rebuild, rewrite, substitute, topological
-from raymarch.plan.bounding import nearer, none_of, value_and_gradient
+from raymarch.plan.bounding import nearer, none_of
 from raymarch.plan.cells import Cells
 from raymarch.plan.kept_cells import build
 from raymarch.plan.lists import PAIRS
@@ -50,7 +50,7 @@ _built: OrderedDict[tuple[Rows, float, Prices, bool], Located] = OrderedDict()
 COINCIDE = 1000
 """Objects of a cell from which they are doubted."""
 
-Carried: TypeAlias = Callable[[int, Expr, tuple[Expr, Expr], Sequence[Expr]], Sequence[Expr]]
+Carried: TypeAlias = Callable[[int, Expr, Sequence[Expr]], Sequence[Expr]]
 Mixed: TypeAlias = Callable[[Expr, Expr, Sequence[Expr], Sequence[Expr]], Sequence[Expr]]
 
 
@@ -207,7 +207,7 @@ class Located:
                 told = self._nearest(p, None, place.bound, const(-1.0))
                 self.found = Function("objects_found", (p,), construct(*told))
         self.field = Function("objects", (p,), value)
-        value, slope = self.walk(place, p, lambda i, entry, pair, read: (pair[1],))
+        value, slope = self.walk(place, p, lambda i, entry, read: ())
         state_gradient(self.field, construct(slope, value))
 
     def _divide(self, cells: Cells) -> None:
@@ -228,12 +228,12 @@ class Located:
         self.texels = Table(texels, "cells of objects")
 
     def walk(self, place: _Place, p: Expr, carried: Carried | None, mixed: Mixed | None = None) -> tuple[Expr, ...]:
-        """The union of the objects in the cell of a point: the distance, and what else is carried.
+        """The union of the objects in the cell of a point: the distance, the gradient, and what else is carried.
 
-        carried : further values of an object: a function of its form, the start of its row, its distance and gradient,
-            and its columns and slots. The first is its gradient. They are those of the nearest object, evaluated once
-            it is known where `found` tells it, or mixed in a blend; where the field is a bound only, the gradient of
-            the bound and zeros. None for none, in a blend.
+        carried : further values of an object: a function of its form, the start of its row, and its columns and slots.
+            They and the gradient are those of the nearest object, evaluated once it is known where `found` tells it, or
+            mixed in a blend; where the field is a bound only, the gradient of the bound and zeros. None, in a blend,
+            for the distance alone.
         mixed : how a blend mixes the further values of two operands, from the partial derivatives of the fold by each;
             None for their sum with the derivatives as weights.
         """
@@ -260,7 +260,8 @@ class Located:
         return found
 
     def _leaf(self, p: Expr, entry: Expr, carried: Carried | None, forms: Sequence[int]) -> list[Expr]:
-        """The distance of the object whose row begins at `entry`, and what else is carried; of one of some forms."""
+        """The distance of the object whose row begins at `entry`, the gradient and what else is carried; of one of some
+        forms. Of these, only the form of the object is evaluated."""
         stored, per_form = self.rows.stored, []
         for i in forms:
             field, read = self.rows.forms[i].columns.field, stored.read(i, entry)
@@ -268,13 +269,12 @@ class Located:
             if carried is None:
                 per_form.append([field(p, *columns)])
             else:
-                pair = value_and_gradient(field, p, *columns)
-                per_form.append([pair[0], *carried(i, entry, pair, read)])
+                per_form.append([companion(field)(p, *columns), *carried(i, entry, read)])
         last = per_form[-1]
         for i, values in zip(reversed(forms[:-1]), reversed(per_form[:-1]), strict=True):
             mine = entry < float(stored.first[i + 1])
             last = [where(mine, one, other) for one, other in zip(values, last, strict=True)]
-        return last
+        return last if carried is None else [swizzle(last[0], "w"), swizzle(last[0], "xyz"), *last[1:]]
 
     # Hard unions
 

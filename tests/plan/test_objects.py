@@ -567,6 +567,13 @@ def test_software_finds_gradients_in_the_loop_over_distances():
     assert "objects_found(" not in text and "for (" in text.split(" objects_gradient(")[1].split("\n}\n")[0]
 
 
+@pytest.mark.parametrize("device", [SOFTWARE, HARDWARE], ids=["software", "hardware"])
+def test_the_gradient_of_one_form_is_evaluated_for_each_object(device):
+    node = rm.union(*objects(60, materials=True), k=0.1)
+    part = assemble(plan(rm.Scene(node), device=device)).text("color").split(" objects_part(")[1].split("\n}\n")[0]
+    assert " = field_gradient(" not in part and " ? field_gradient(" in part, "as a side of a choice only"
+
+
 @pytest.mark.parametrize("together", [1, 8])
 def test_gradients_do_not_depend_on_the_class_of_the_device(together):
     """Near surfaces, and where the field is a bound only, in one loop and in loops of each form."""
