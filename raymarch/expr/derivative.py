@@ -11,7 +11,7 @@ side (see `raymarch.expr.ties`): min(a, b) + abs(a - b) and max(a, b) have the s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TypeAlias
 from weakref import WeakKeyDictionary
 
@@ -23,7 +23,7 @@ from raymarch.expr.choices import merge_calls
 from raymarch.expr.function import Function, close_loop, sum_of
 from raymarch.expr.node import Expr, const, construct, make, swizzle, var
 from raymarch.expr.operations import operations_of
-from raymarch.expr.partials import ONE, PARTIALS, ZERO, Partials, safe_inverse, zero
+from raymarch.expr.partials import ONE, PARTIALS, STILL, ZERO, Partials, safe_inverse, zero
 from raymarch.expr.raw import slope as raw_slope
 from raymarch.expr.samples import sample_slope
 from raymarch.expr.ties import one_sided
@@ -235,14 +235,13 @@ def backpropagate(root: Expr, *variables: Expr) -> dict[Expr, Expr]:
     Where the root is a choice, such as the smaller of two numbers, so are its adjoints: nested `where` over the
     conditions of the kinks, the outermost first. Products are taken inside of the choices.
     """
-    dependent = depends_on([root], variables)
     adjoints: dict[Expr, Expr] = {root: ONE}
     order = topological([root])
-    partials = one_sided(order, dependent)
+    partials, moving = one_sided(order, depends_on([root], variables)), _moving([root], variables)
     masks = Masks()
     for node in reversed(order):
         adjoint = adjoints.get(node)
-        if adjoint is None or node not in dependent or node in variables:
+        if adjoint is None or node not in moving or node in variables:
             continue
         mask = masks.of(adjoint)
         inner = taken(adjoint, mask) if mask else adjoint
@@ -251,7 +250,7 @@ def backpropagate(root: Expr, *variables: Expr) -> dict[Expr, Expr]:
                 accumulate(adjoints, variable, _back_through_loop(node, variable, inner), adjoint, mask)
             continue
         for i, arg in enumerate(node.args):
-            if arg in dependent:
+            if arg in moving:
                 accumulate(adjoints, arg, _backward(inner, node, i, partials), adjoint, mask)
     return adjoints
 
@@ -290,8 +289,18 @@ def _times(adjoint: Expr, factor: Expr) -> Expr:
 # Opening: calls without a companion are inlined, so the tables above need no other calls.
 
 
+def _moving(roots: Sequence[Expr], variables: Iterable[Expr]) -> set[Expr]:
+    """Every expression below the roots whose derivative by one of the variables may not be 0 everywhere."""
+    moving = set(variables)
+    for node in topological(roots):
+        args = node.args[1:] if node.op == "where" else node.args
+        if node.op not in STILL and node.type is not BOOL and not moving.isdisjoint(args):
+            moving.add(node)
+    return moving
+
+
 def _open(roots: Sequence[Expr], variables: set[Expr]) -> list[Expr]:
-    dependent = depends_on(roots, variables)
+    dependent = _moving(roots, variables)
     if not any(node.op == "call" for node in dependent):
         return list(roots)
 
@@ -363,11 +372,11 @@ def _back_through_loop(item: Expr, variable: Expr, adjoint: Expr) -> Expr:
 def tangents(roots: Sequence[Expr], seeds: Sequence[Mapping[Expr, Expr]]) -> list[list[Expr]]:
     """Forward mode in several directions at once: for each direction, the tangent of each root."""
     moved: list[dict[Expr, Expr]] = [dict(seed) for seed in seeds]
-    dependent = depends_on(roots, [variable for seed in seeds for variable in seed])
+    variables = [variable for seed in seeds for variable in seed]
     order = topological(roots)
-    partials = one_sided(order, dependent)
+    partials, moving = one_sided(order, depends_on(roots, variables)), _moving(roots, variables)
     for node in order:
-        if node not in dependent or node in moved[0]:
+        if node not in moving or node in moved[0]:
             continue
         if node.type is STATE:
             continue

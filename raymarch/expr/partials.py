@@ -111,6 +111,9 @@ PARTIALS: Mapping[str, Partials] = {
 }
 """Componentwise operations: the partial derivative for each argument; None where it is zero everywhere."""
 
+STILL = frozenset(op for op, partials in PARTIALS.items() if not any(partials))
+"""Operations whose derivative is 0 everywhere."""
+
 
 @cache
 def zero(type: Type) -> Expr:

@@ -154,6 +154,14 @@ def test_a_flat_companion_has_three_components() -> None:
     np.testing.assert_allclose(at(companion(FLAT)(Q), q=[0.5, -3.0]), [0.0, -1.0, 2.0])
 
 
+def test_a_call_whose_other_arguments_only_jump_keeps_its_companion() -> None:
+    form = trace("form", lambda p, q: v.length(p) - 0.1 * v.dot(q, q), [("p", VEC3), ("q", VEC3)])
+    cell = v.floor(P + 0.5)
+    slope = gradient(form(P - cell, cell + v.where(P.x < 0.0, -1.0, 1.0)), P)
+    assert {node.data for node in find([slope], "call")} == {companion(form)}
+    np.testing.assert_allclose(at(slope, p=[2.0, 0.3, -0.4]), [0.0, 0.6, -0.8])
+
+
 def test_a_companion_is_made_once() -> None:
     assert companion(BALL) is companion(BALL)
 

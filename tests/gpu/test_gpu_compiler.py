@@ -24,6 +24,7 @@ LIMITS = {
     "papers/glass": (10, 17.5),
     "papers/ray_tree": (10, 19.5),
     "primitives": (18, 20.5),
+    "large/city": (16, 16.0),
     "large/costly": (10, 29.0),
     "large/forest": (16, 13.0),
     "large/molecule": (16, 11.0),
