@@ -4,6 +4,8 @@ python -m tests.lab.proofs [SCENE.py ...]     # the examples, or some scenes
 python -m tests.lab.proofs --nodes            # every sample of every node; --skip 200 goes on behind the first ones
 python -m tests.lab.proofs --trees 2000       # random solids; --seed N begins elsewhere, --estimates tries those too,
                                               # --skip 1000 goes on behind the first ones
+python -m tests.lab.proofs --shadows SCENE.py # and the hard shadows of all lights
+python -m tests.lab.proofs --objects 100000   # boxes and balls of random sizes in random places
 python -m tests.lab.proofs --whole SCENE.py   # the covered part of each pixel against 1,089 samples; --set horizon=1
 python -m tests.lab.proofs --faults           # seeded faults (tests/lab/proof_faults.py)
 --size 160x90 and --within 0.05px are those of the pictures
@@ -28,6 +30,7 @@ import raymarch as rm
 from raymarch.cli.common import parse_settings
 from raymarch.errors import RaymarchError
 from raymarch.proof import search
+from raymarch.proof.shadows import Shadows
 from raymarch.scene.file import load
 from tests.hard.python import as_python
 from tests.lab import proof_faults
@@ -51,18 +54,40 @@ def _tried(scene: rm.Scene, given: argparse.Namespace, frame: Any = None, within
     width, height = map(int, given.size.split("x"))
     with warnings.catch_warnings(), patch.object(search, "MOST", given.effort):
         warnings.simplefilter("ignore")
-        return rm.prove(scene, frame, size=(width, height), tolerance=within or given.within)
+        return rm.prove(scene, frame, size=(width, height), tolerance=within or given.within, shadows=given.shadows)
 
 
 def _row(name: str, found: rm.Proof, begun: float, *more: Any) -> None:
     print(
         f"| {name} | {100 * found.share:.3f} % | {found.contradicted} | {found.open} "
-        f"| {found.evaluations.mean():.1f} |",
+        f"| {found.evaluations.mean():.1f}, median {np.median(found.evaluations):.0f} |",
         f" {time.process_time() - begun:.1f} s CPU",
         *([dict(found.reasons)] if found.open else []),
         *more,
         flush=True,
     )
+    if found.shadows:
+        asked, *counts = (sum(each) for each in zip(*map(_counts, found.shadows), strict=True))
+        print(
+            f"| {name}, shadows | {asked} | {100 * counts[0] / asked:.1f} % | {counts[1]} | {counts[2]} |", flush=True
+        )
+
+
+def _counts(of: Shadows) -> tuple[int, ...]:
+    return of.asked, *map(of.count, (search.PROVED, search.CONTRADICTED, search.OPEN))
+
+
+def objects(given: argparse.Namespace) -> None:
+    """Boxes and balls in a room whose size keeps their density."""
+    begun, count, random = time.process_time(), given.objects, np.random.default_rng(1)
+    room = count ** (1.0 / 3.0)
+    places = np.tile(np.eye(4)[:3], (count, 1, 1))
+    places[:, :, :3] *= random.uniform(0.3, 1.0, (count, 1, 1))
+    places[:, :, 3] = random.uniform(-room, room, (count, 3))
+    half = count // 2
+    solid = rm.instances(rm.box(1.0), places[:half]) | rm.instances(rm.sphere(0.5), places[half:])
+    camera = rm.Camera((0.7 * room, 0.5 * room, 2.2 * room), (0, 0, 0))
+    _row(f"{count} objects", _tried(rm.Scene(solid, camera), given), begun)
 
 
 def examples(given: argparse.Namespace) -> None:
@@ -183,6 +208,8 @@ def main() -> None:
     parser.add_argument("--within", default="0.05px")
     parser.add_argument("--nodes", action="store_true")
     parser.add_argument("--whole", action="store_true")
+    parser.add_argument("--shadows", action="store_true")
+    parser.add_argument("--objects", type=int, metavar="COUNT")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE")
     parser.add_argument("--trees", type=int, metavar="COUNT")
     parser.add_argument("--seed", type=int, default=1)
@@ -197,7 +224,8 @@ def main() -> None:
     if asked.faults:
         proof_faults.main(["--size", asked.size, "--within", asked.within])
         return
-    (whole if asked.whole else nodes if asked.nodes else trees if asked.trees else examples)(asked)
+    modes = {whole: asked.whole, objects: asked.objects, nodes: asked.nodes, trees: asked.trees}
+    next((mode for mode, given in modes.items() if given), examples)(asked)
 
 
 if __name__ == "__main__":
