@@ -237,7 +237,7 @@ def test_our_side_of_a_comparison_runs(tool: str) -> None:
     given |= {"rm": rm, "np": np, "ToneMapping": rm.ToneMapping, "Scene": lambda **parts: rm.Scene(rm.box(1), **parts)}
     given |= {"a": rm.sphere(0.4), "b": rm.box(1), "f": rm.sphere(0.4), "g": rm.box(1), "node": rm.sphere(0.4)}
     given |= {"c": 2, "s": 2, "k": 0.2, "angle": 1, "axis": "y", "p0": (0, 0, 0), "p1": (0, 1, 0), "radius": 0.1}
-    given |= {"t": 0.1, "r": 0.1, "rate": 0.2, "balls": [rm.sphere(), rm.box(1)], "positions": [(0, 0, 0), (2, 0, 0)]}
+    given |= {"t": 0.1, "r": 0.5, "rate": 0.2, "balls": [rm.sphere(), rm.box(1)], "positions": [(0, 0, 0), (2, 0, 0)]}
     ran = 0
     for row in cells("coming-from.md", tool):
         for code in re.findall(r"`([^`]+)`", row[-1].replace("\\|", "|")):
