@@ -87,14 +87,17 @@ def translate(p: Expr, child: Child, offset: Vec3) -> Expr:
 
 
 def rotation_matrix(axis: Expr, angle: Scalar) -> Expr:
-    """Rotation about a unit axis, counter-clockwise seen from its tip (Rodrigues 1840), for column vectors."""
+    """Rotation about a unit axis, counter-clockwise seen from its tip (Rodrigues 1840), for column vectors.
+
+    About an axis of the coordinates it is exactly the matrix of the plane across.
+    """
     c, s = cos(angle), sin(angle)
     x, y, z = axis
     turn = 1.0 - c
     return columns(
-        vec3(turn * x * x + c, turn * x * y + s * z, turn * x * z - s * y),
-        vec3(turn * x * y - s * z, turn * y * y + c, turn * y * z + s * x),
-        vec3(turn * x * z + s * y, turn * y * z - s * x, turn * z * z + c),
+        vec3(x * x + c * (1.0 - x * x), turn * x * y + s * z, turn * x * z - s * y),
+        vec3(turn * x * y - s * z, y * y + c * (1.0 - y * y), turn * y * z + s * x),
+        vec3(turn * x * z + s * y, turn * y * z - s * x, z * z + c * (1.0 - z * z)),
     )
 
 

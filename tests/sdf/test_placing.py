@@ -10,8 +10,10 @@ import pyrr
 import pytest
 from scipy.spatial.transform import Rotation
 
+from raymarch.expr.node import const
 from raymarch.scene.parameter import Param, time
 from raymarch.sdf import Node, box, capsule, circle, mirror, plane, rotate, scale, sphere, transform, translate
+from raymarch.sdf.placing import rotation_matrix
 from tests.support.refusals import refused
 
 RANDOM = np.random.default_rng(8)
@@ -39,6 +41,14 @@ def test_translate() -> None:
     assert_placed(moved, BRICK, lambda p: p - (0.5, -1.0, 0.25))
     np.testing.assert_allclose(moved.bounds, np.add(BRICK.bounds, (0.5, -1.0, 0.25)))
     assert moved.exactness == "exact"
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_turn_about_an_axis_leaves_it_exactly(axis: int) -> None:
+    matrices = [
+        np.asarray(rotation_matrix(const(np.eye(3)[axis]), angle).data) for angle in np.linspace(-7.0, 7.0, 200)
+    ]
+    np.testing.assert_array_equal([m[axis] for m in matrices], [np.eye(3)[axis]] * 200)
 
 
 @pytest.mark.parametrize(
