@@ -38,6 +38,7 @@ from raymarch.scene.origin import DefaultView, default_view, origin_of, refuse_e
 from raymarch.scene.reading import exact_distance, read_as_distance, reads_field
 from raymarch.scene.scene import Scene
 from raymarch.sdf.advance import Advancing
+from raymarch.sdf.convexity import is_convex
 from raymarch.sdf.levels import CORRECTED, least_slope, over_slope
 from raymarch.sdf.lower import Lowering
 from raymarch.sdf.node import Node
@@ -425,6 +426,7 @@ def marching_of(asked: Asked, fields: FieldPlan, size: tuple[int, int] | None) -
     marched = count_operations([closed.rest.body], turns=not cells) if closed.rest else fields.operations
     read = reads([(closed.rest or fields.field).body])
     bounded = [node.facts.bounded for node in (closed.marched if closed.used else [asked.scene.node])]
+    beside = cells and closed.used and any(node.facts.bounded and is_convex(node) for node in closed.marched)
     ahead = fields.advancing if closed.marched or not closed.used else None
     given = asked.scene, marched, size, asked.standalone, cells, closed.used, not all(bounded), ahead
-    return marching.choose(*given, read, sum(bounded), asked.prices)
+    return marching.choose(*given, read, sum(bounded), beside, asked.prices)
