@@ -134,7 +134,6 @@ def choose(
     far: bool = False,
     advancing: Callable[[bool], Function] | None = None,
     reads: int = 0,
-    marched: int = 0,
     beside: bool = False,
     prices: Prices = STANDARD,
 ) -> Marching:
@@ -147,15 +146,15 @@ def choose(
     cells : True if objects are found through cells. closed : True if some solids have closed-form hits.
     far : True if a marched solid is unbounded.
     advancing : makes the function that tells how far a ray is free; see `raymarch.plan.stages.FieldPlan`.
-    reads : texels that one evaluation reads. marched : bounded solids beside closed-form hits. beside : True if objects
-        in cells stand beside a convex one of these. prices : of the device.
+    reads : texels that one evaluation reads. beside : True if objects in cells stand beside a convex solid that is
+        marched. prices : of the device.
     """
     quality = scene.quality
     certified, several = trusted(scene), quality.samples > 1 or quality.temporal != "off"
     tracer, tracer_reason = _choose_tracer(scene, certified, refined(scene))
     known = advancing is not None and (beside or not cells) and not (standalone and steepest_slopes(scene.node))
     if tracer == "bracketing" and certified and quality.tracer == "auto" and advancing is not None and known:
-        tracer, tracer_reason = _whether_to_advance(scene, operations, reads, advancing, marched, beside, prices)
+        tracer, tracer_reason = _whether_to_advance(scene, operations, reads, advancing, beside, prices)
     saved = SAVED_FAR if far else SAVED_BESIDE if closed else SAVED
     known_size = None if cells else size
     schedule, schedule_reason = _choose_schedule(quality, certified, operations * saved, known_size, prices)
@@ -257,9 +256,9 @@ take .59, .58 and .57 of the evaluations, and .99, .98 and .99 of the CPU time, 
 
 
 PARTLY = 1.5
-"""The same ratio where of some solids only boxes are known, and there are more of them than boxes to which a ray is
-clipped, or objects in cells beside a convex solid: the solids of array.py take .68 of the evaluations, with a ratio of
-1.3, and 1.00 of the CPU time; those of chess.py .71, with a ratio of 1.0, and .97."""
+"""The same ratio where of some solids only boxes are known, for objects in cells beside a convex solid: those of
+chess.py take .71 of the evaluations, with a ratio of 1.0, and .97 of the CPU time. Other solids keep the distance: those
+of array.py would take .68, with a ratio of 1.3, but 1.00 of the CPU time, and 1.15 of that of a first frame."""
 
 FURTHER = 0.3
 """Seconds of a further operation of the advance, as a share of those of text without branches. First frames, CPU time
@@ -267,13 +266,7 @@ on llvmpipe: 1,000 further operations take .33 s in village, .1 to .4 s in array
 
 
 def _whether_to_advance(
-    scene: Scene,
-    operations: int,
-    reads: int,
-    advancing: Callable[[bool], Function],
-    marched: int,
-    beside: bool,
-    prices: Prices,
+    scene: Scene, operations: int, reads: int, advancing: Callable[[bool], Function], beside: bool, prices: Prices
 ) -> tuple[str, str]:
     """The tracer of a certified field: by how far rays are free, if that saves time."""
     longer = "a step longer than the distance can be checked"
@@ -287,14 +280,13 @@ def _whether_to_advance(
             "bracketing",
             f"{longer}; Quality(bounding_volumes=..., refinement=...) choose how distances are evaluated",
         )
-    partly = beside or marched > prices.boxes
-    if prices.seconds(operations) > prices.patience and not partly:
+    if prices.seconds(operations) > prices.patience and not beside:
         return "bracketing", f"{longer}; to tell how far a ray is free takes long to compile"
     limits, of = [prices.advance, *[BY_SLOPE * slope for slope in steepest_slopes(scene.node)]], "of all solids"
     try:
         body = advancing(True).body
     except OnlyDistance as unknown:
-        if not partly:
+        if not beside:
             return "bracketing", f"{longer}; of {unknown.node.name} nothing but the distance is known along a ray"
         limits, of = [PARTLY], "of some solids, and up to the boxes of others"
         body = advancing(False).body

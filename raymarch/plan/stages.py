@@ -429,4 +429,4 @@ def marching_of(asked: Asked, fields: FieldPlan, size: tuple[int, int] | None) -
     beside = cells and closed.used and any(node.facts.bounded and is_convex(node) for node in closed.marched)
     ahead = fields.advancing if closed.marched or not closed.used else None
     given = asked.scene, marched, size, asked.standalone, cells, closed.used, not all(bounded), ahead
-    return marching.choose(*given, read, sum(bounded), beside, asked.prices)
+    return marching.choose(*given, read, beside, asked.prices)

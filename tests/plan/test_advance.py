@@ -31,6 +31,7 @@ def test_scenes_whose_solids_are_all_known_along_rays_take_it(name: str) -> None
         ("large/city", "of repeat_varied nothing but the distance"),
         ("papers/glass", "inside of solids too"),
         ("large/costly", "can be checked"),
+        ("papers/array", "takes long to compile"),
     ],
 )
 def test_scenes_that_lose_time_by_it_do_not(name: str, why: str) -> None:
@@ -38,9 +39,8 @@ def test_scenes_that_lose_time_by_it_do_not(name: str, why: str) -> None:
     assert marching.tracer == "bracketing" and why in marching.tracer_reason
 
 
-@pytest.mark.parametrize("name", ["papers/array", "showcase/chess"])
-def test_solids_of_which_some_boxes_alone_are_known_take_it(name: str) -> None:
-    marching = plan(load(EXAMPLES / f"{name}.py"), size=(320, 180)).marching
+def test_objects_in_cells_beside_a_convex_solid_take_it() -> None:
+    marching = plan(load(EXAMPLES / "showcase/chess.py"), size=(320, 180)).marching
     assert marching.tracer == "advance" and "up to the boxes of others" in marching.tracer_reason
     assert not marching.free
 
