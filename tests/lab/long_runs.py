@@ -31,8 +31,8 @@ Findings:
   changed no bit of 108,000 rays, and two change fewer than one ray in 600, none of them wrongly.
 - **Seeded faults.** `glsl_faults` takes out a clamp, guard, choice or absolute value of a line of GLSL, of conditional
   lines and templates too. It asks the tests that draw with the line, those of single functions first, at most 3 CPU
-  seconds of others. All were tried in November 2026. Lines that note samples for `rm.plot_ray` were asked of `tests/cost/test_ray.py`
-  too, which notices five of 16.
+  seconds of others. All were tried in November 2026. Lines that note samples for `rm.plot_ray` were asked of
+  `tests/cost/test_ray.py` too, which notices five of 16.
   `python_faults` does so with 40 random faults of the functions that plan and
   assemble shaders. Both found holes, which have tests now: the edges of orthographic rays, points of a lens, points of
   the earlier frame, shadows and secondary rays that run out of steps, pictures without finite light, and the reasons of
