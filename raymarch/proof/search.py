@@ -316,8 +316,8 @@ def _near(given: Given, some: Whole, at: Array, directions: Array, verdict: Verd
     np.minimum.at(high, work.rays, value[1])
     unknown = np.zeros(len(points), bool)
     unknown[work.rays[_unknown(value, given.within[owners[work.rays]])]] = True
-    solid = high < 0.0
-    return tuple(each.reshape(-1, count) for each in (low > 0.0, solid, unknown & ~solid))  # type: ignore[return-value]
+    solid, shape = high < 0.0, (-1, count)
+    return (low > 0.0).reshape(shape), solid.reshape(shape), (unknown & ~solid).reshape(shape)
 
 
 class Lost:
