@@ -288,7 +288,8 @@ class TestInABrowser:
         def until(condition: str) -> None:
             browser.run(f"new Promise((done) => {{ const w = () => {condition} ? done() : setTimeout(w, 20); w(); }})")
 
-        browser.run("document.getElementById('save').click()")
+        start = "Object.assign(document.querySelector('canvas'), { width: 300, height: 150 }); "  # before the first frame
+        browser.run(start + "document.getElementById('save').click()")
         until("files.length === 2")
         code = "files[0].arrayBuffer().then((b) => btoa(String.fromCharCode(...new Uint8Array(b))))"
         saved = Image.open(io.BytesIO(base64.b64decode(browser.run(code))))
