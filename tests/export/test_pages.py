@@ -288,7 +288,8 @@ class TestInABrowser:
         def until(condition: str) -> None:
             browser.run(f"new Promise((done) => {{ const w = () => {condition} ? done() : setTimeout(w, 20); w(); }})")
 
-        start = "Object.assign(document.querySelector('canvas'), { width: 300, height: 150 }); "  # before the first frame
+        # as before the first frame
+        start = "Object.assign(document.querySelector('canvas'), { width: 300, height: 150 }); "
         browser.run(start + "document.getElementById('save').click()")
         until("files.length === 2")
         code = "files[0].arrayBuffer().then((b) => btoa(String.fromCharCode(...new Uint8Array(b))))"
