@@ -115,10 +115,10 @@ class Clock:
 def gl_timer(context: Context) -> Timer:
     """OpenGL's timer (GL_TIME_ELAPSED) in milliseconds. Test it by `try_timer` first.
 
-    moderngl cannot free a query, so each timer keeps one until the context is released.
+    moderngl cannot free a query, so all timers of a context share one.
     """
     with context.bound():
-        query = context.gl.query(time=True)
+        query = context.kept["timer"] = context.kept.get("timer") or context.gl.query(time=True)
 
     def timer(draw: Callable[[], None]) -> float:
         with context.bound():

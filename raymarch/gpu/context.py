@@ -15,7 +15,7 @@ import threading
 import weakref
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
-from typing import Any, Self
+from typing import Any, Self, TypeAlias
 
 import moderngl
 
@@ -260,6 +260,7 @@ class Context(Releasing):
 _CONTEXTS: weakref.WeakSet[Context] = weakref.WeakSet()
 _OPENING = threading.RLock()  # glfw keeps its windows in unlocked lists
 _process, _opened = os.getpid(), False
+_idle: tuple[Any, Context] | None = None  # of `kept_context`
 
 
 def _forked(what: str) -> DeviceError:
@@ -331,6 +332,47 @@ def open_context(backend: str = "auto", device: int | None = None) -> Context:
     _refuse_after_fork()
     with _opening():
         return _open_auto(number) if backend == "auto" else _open(backend, number, f"{backend} was asked for")
+
+
+@contextmanager
+def kept_context(backend: str = "auto") -> Iterator[Context]:
+    """A context for the block, which the next such block of the process uses again if it asks for the same.
+
+    To open one takes milliseconds, on a GPU tens of them, and moderngl 5.13 never frees 39 kB of each. An error in the
+    block, and the end of the process, release it. Parameters and errors are those of `open_context`.
+    """
+    asked = (backend, *(os.environ.get(name) for name in (EGL_DEVICE_VARIABLE, "RAYMARCH_DRAW_BY")))
+    taken = _exchange_idle(None)
+    if taken is not None and taken[0] == asked and not taken[1].released:
+        context = taken[1]
+    else:
+        _release(taken)
+        context = open_context(backend)
+    try:
+        yield context
+    except BaseException:
+        context.release()
+        raise
+    _release(_exchange_idle((asked, context)) if context.window is None else (asked, context))
+
+
+_Idle: TypeAlias = "tuple[Any, Context] | None"
+"""What a context was asked for, and the context."""
+
+
+def _exchange_idle(new: _Idle) -> _Idle:
+    global _idle
+    with _OPENING:
+        old, _idle = _idle, new
+    return old
+
+
+def _release(idle: _Idle) -> None:
+    if idle is not None:
+        idle[1].release()
+
+
+atexit.register(lambda: _release(_exchange_idle(None)))
 
 
 def open_window(size: tuple[int, int], title: str) -> Context:

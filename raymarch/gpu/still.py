@@ -1,4 +1,4 @@
-"""One picture of a scene, on a renderer of its own."""
+"""One picture of a scene, on a renderer of its own, and on a context that is kept for the next one."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from PIL import Image
 
 from raymarch.errors import warn_of_doubts
 from raymarch.expr.calls import checked
+from raymarch.gpu.context import kept_context
 from raymarch.gpu.progress import told
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.parameter import ParamValue
@@ -71,7 +72,7 @@ def render(
         scene = scene.replace(quality=quality)
     if samples is not None:
         scene = scene.replace(quality=scene.quality.replace(samples=samples))
-    with Renderer(size, backend, strict=strict) as renderer:
+    with kept_context(backend) as context, Renderer(size, context=context, strict=strict) as renderer:
         with told() as progress:
             frame = renderer.render(scene, time, params, progress=progress)
         if not strict:

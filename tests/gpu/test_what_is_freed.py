@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import raymarch as rm
+from raymarch.errors import DeviceError, SceneError
 from raymarch.gpu import Renderer
-from raymarch.gpu.context import Context
+from raymarch.gpu.context import Context, kept_context
 from raymarch.gpu.probe import probe_with
 from tests.support.gl_objects import alive
 
@@ -98,3 +99,33 @@ def test_what_is_dropped_is_freed(
         for i in range(6, 12):
             act(renderer, i)
         assert alive(egl) == before
+
+
+def test_pictures_use_one_context_again() -> None:
+    scenes = [rm.Scene(rm.sphere(1.0 + 0.01 * i)) for i in range(4)]
+    pictures = [rm.render(scene, (8, 5), backend="egl") for scene in scenes]
+    with kept_context("egl") as context:
+        before = alive(context)
+    assert [rm.render(scene, (8, 5), backend="egl") for scene in scenes] == pictures
+    with kept_context("egl") as again:
+        assert again is context and alive(again) == before
+        with kept_context("egl") as nested:
+            assert nested is not again
+    assert nested.released and not again.released
+    with pytest.raises(SceneError), kept_context("egl") as failed:
+        raise SceneError("wrong")
+    assert failed is again and failed.released
+    with kept_context("egl") as fresh, pytest.raises(DeviceError):
+        rm.render(rm.sphere(), (8, 5), backend="none")
+    assert not fresh.released
+
+
+def test_a_context_that_was_asked_for_otherwise_is_released(monkeypatch: pytest.MonkeyPatch) -> None:
+    with kept_context("egl") as first:
+        pass
+    monkeypatch.setenv("RAYMARCH_EGL_DEVICE", "0")
+    with kept_context("egl") as second:
+        assert second is not first and first.released
+    with kept_context("osmesa") as third:
+        assert second.released
+    assert third.released, "glfw's windows are closed"
