@@ -67,6 +67,25 @@ void given(vec4 a, vec4 b, vec4 c, vec4 d) {
     }
 }
 """
+FREE = """
+// The field, and how far the ray is free: known in full before the fourth knot, behind it by the value alone.
+vec2 field_advance(vec3 p, vec3 direction, float level, float slope) {
+    float t = p.z;
+    float f = field(p);
+    float side = f < 0.0 ? -1.0 : 1.0;
+    float way = max(side * f - level, 0.0);
+    for (int k = 6; t < place[3] && side * f > level && k >= 0; k--) {
+        float a = k == 0 ? t : max(t, place[k]);
+        float rate = (value[k + 1] - value[k]) / (place[k + 1] - place[k]);
+        float over = side * (value[k] + rate * (a - place[k])) - level - slope * (a - t);
+        float to = over < 0.0 ? a : a + over / (slope - side * rate);
+        if (k == 6) way = 1.0e3;
+        if ((side * rate < slope || over < 0.0) && (k == 6 || (a < place[k + 1] && to < place[k + 1]))) way = to - t;
+    }
+    if (place[3] > 1.5) way = max(0.8 * way, min(way, side * f - level));
+    return vec2(f, side * way);
+}
+"""
 UNKNOWN = 3.0
 """In place of a slope: none was handed on."""
 CONSTANTS = """
@@ -124,10 +143,26 @@ def text_of(
         scale=scale,
         variation=0.5,
     )
-    start = "start" if tracer in ("plain", "varied", "bracketing") else "start_published"
-    names = ("widths", "hit", "distance", start, settle, "on_exhausted")
-    whole = (*(f"march/{name}" for name in names), *TRACERS[tracer], *(f"march/{name}" for name in trace))
-    return modules(*whole, before=FIELD + constants, after=after, variants=variants)
+    ahead, cuts, noted = (name in variants for name in ("ADVANCE", "CUTS", "NOTED"))
+    start = "start" if tracer in ("plain", "varied", "bracketing", "free") else "start_published"
+    distance = ("rounding", "way_ahead", "distance_ahead") if ahead else ("rounding", "distance")
+    doubts = ("membrane", *(("doubt_ahead",) if ahead else ())) if cuts else ()
+    names = (
+        *(("note",) if noted else ()),
+        "widths",
+        "hit",
+        *(("expected",) if "EDGES" in variants else ()),
+        *distance,
+        start,
+        settle,
+        *doubts,
+        "on_exhausted",
+    )
+    steps = ("march/free",) if tracer == "free" else TRACERS[tracer]
+    whole = (*(f"march/{name}" for name in names), *steps, *(f"march/{name}" for name in trace))
+    edges = "const float cone_share = 0.25;\nfloat edge_width = 0.0;\n"
+    known = (FREE if ahead else "") + (edges if "EDGES" in variants else "")
+    return modules(*whole, before=FIELD + known + constants, after=after, variants=variants)
 
 
 @dataclass(frozen=True)

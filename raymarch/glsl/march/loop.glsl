@@ -64,8 +64,8 @@ float close_step(Ray ray, vec3 widths, March at, float z, inout float leap) {
 #else
     float most = leap_width() * at.t;
 #endif
-    float longest = (2.0 * at.r + 0.95 * most) / (1.0 - min(at.last_derivative, 0.0));
-    float further = aiming ? 0.0 : further_step(at, z, most);
+    float longest = (2.0 * at.r + 0.95 * most) / (1.0 - at.last_derivative);
+    float further = further_step(at, z, most);
     if (aiming || further != 0.0) leap = max(leap, most);
 #ifdef CUTS
     float depth = doubt_depth(ray, widths, at.t);

@@ -26,7 +26,7 @@ float way_below_level(Ray ray, float t, float width) {
 #ifdef STRETCH
     return 0.0;  // a solid with bounds on a stretch ends its rays at the surface itself
 #else
-    return min(rounding(ray, t) / max(approach, 1.0e-6), 0.25 * width);
+    return min(rounding(ray, t) / approach, 0.25 * width);
 #endif
 }
 
