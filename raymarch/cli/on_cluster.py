@@ -12,7 +12,7 @@ from raymarch.cli.common import CommandError, errors
 from raymarch.cli.job import Job
 from raymarch.cli.progress import counted
 from raymarch.cluster.connect import check_address, connected
-from raymarch.cluster.frames import check, draw_items, failures
+from raymarch.cluster.frames import check, draw_items, drawn_before, failures
 from raymarch.cluster.source import Source
 from raymarch.cluster.submit import Cluster, Failed, Options
 from raymarch.cluster.sweep import SHARED, Moment, sweep_on
@@ -21,6 +21,7 @@ from raymarch.cost.settings import Setting
 from raymarch.cost.sweep import Progress, Sweep
 from raymarch.export.sequence import Contents, Item, Parts, edge_of
 from raymarch.export.stills import FORMATS, key_of
+from raymarch.gpu.driver import Driver
 from raymarch.scene.scene import Scene
 
 
@@ -51,7 +52,7 @@ def render_on_cluster(
     Returns what was drawn, the items or the tiles, the key of the one picture, and the folder of parts that are to be
     joined, which `stack` closes.
     """
-    check_address(where.address)
+    local = check_address(where.address)
     scene, items, shot = job.scene, job.items, job.shot
     resources, options = where.resources, where.options
     check(scene, shot, options)
@@ -64,6 +65,11 @@ def render_on_cluster(
     start = clock_time.perf_counter()
     joined = what == "tiles" or job.film
     parts = stack.enter_context(Parts(items, job.target, CommandError)) if joined else None
+    before = None if local is None else drawn_before(scene, shot, items, options, parts)
+    if before is not None:
+        for item in before[0] if what == "frames" else ():
+            errors.print(f"{item.file}  is already drawn")
+        return before[0], key_for(job, before[1]) if what == "tiles" else None, parts
     with connected(where.address, options.timeout) as client:
         cluster: Cluster[Any] = Cluster(client, resources)
         errors.print(f"{where.address}: {client.dashboard_link}")
@@ -88,8 +94,13 @@ def render_on_cluster(
     if failed:
         raise CommandError(f"{len(failed)} of {len(items)} {what} could not be drawn", legal="see above")
     if what == "tiles":
-        key = key_of(Contents(scene, job.shot).of(job.items[0]), cluster.used[0].driver)
+        key = key_for(job, cluster.used[0].driver)
     return parts.all(items) if parts is not None else items, key, parts
+
+
+def key_for(job: Job, driver: Driver) -> str | None:
+    """The key of the one picture of a job."""
+    return key_of(Contents(job.scene, job.shot).of(job.items[0]), driver)
 
 
 def cost_on_cluster(

@@ -23,11 +23,12 @@ from raymarch.errors import ClusterError, RaymarchError, RenderWarning, SceneErr
 from raymarch.export import stills
 from raymarch.export.behind import in_order
 from raymarch.export.film import FILMS
-from raymarch.export.sequence import Contents, Item, Parts, Runner, frames_of, join_film
+from raymarch.export.sequence import Contents, Item, Parts, Placed, Runner, frames_of, join_film
 from raymarch.export.stills import Shot
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import instance, integer, optional, real, short, switch
 from raymarch.files import import_optional, write, written
+from raymarch.gpu.driver import Driver
 from raymarch.gpu.part import PicturePart
 from raymarch.gpu.renderer import Renderer
 from raymarch.gpu.views import VIEWS
@@ -170,6 +171,29 @@ def check(scene: Scene, shot: Shot, options: Options) -> None:
         raise ClusterError(f"{quality.samples} samples in {options.split} shares", legal="at most one share a sample")
     if options.split > 1 and (shot.view != "final" or shot.alpha or shot.suffix not in stills.FORMATS):
         raise ClusterError("shares of samples of this output", legal="the final picture, in 8 bits, without alpha")
+
+
+def drawn_before(
+    scene: Scene, shot: Shot, items: Sequence[Item], options: Options, parts: Parts | None
+) -> tuple[list[Item], Driver] | None:
+    """All pictures with their files, and the driver of this machine, if it has drawn each of them, whole; else None.
+
+    Local workers have this driver, so that they need not start then.
+    """
+    contents = Contents(scene, shot)
+
+    def places(*drivers: Driver) -> Iterator[Placed]:  # a frame that is missing is likely one of the last
+        return (contents.place(item, drivers, parts, shares=options.split) for item in reversed(items))
+
+    try:
+        if not all(placed.item.file.is_file() for placed in places()):
+            return None
+        with Renderer((16, 16), options.backend, options.device) as renderer:
+            driver = renderer.context.driver
+    except RaymarchError:  # the workers tell
+        return None
+    found = list(places(driver))
+    return ([placed.item for placed in found[::-1]], driver) if all(placed.whole for placed in found) else None
 
 
 def shares_of(samples: int, number: int) -> list[tuple[int, int]]:

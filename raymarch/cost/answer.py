@@ -13,7 +13,9 @@ BOUNDS = (0.5, 0.05, 0.005)
 
 def answers(made: Sweep, bounds: Sequence[float] = BOUNDS) -> list[tuple[float, Point]]:
     """The bounds in pixels, coarsest first, each with the setting to recommend within it; bounds that no setting meets
-    are left out."""
+    are left out. Empty if nothing is hit."""
+    if made.blank:
+        return []
     able = [made.base] if closed(made) else candidates(made)
     found: list[tuple[float, Point]] = []
     for bound in sorted(bounds):
@@ -24,7 +26,9 @@ def answers(made: Sweep, bounds: Sequence[float] = BOUNDS) -> list[tuple[float, 
 
 
 def finest(made: Sweep) -> Point | None:
-    """The most exact setting to recommend; None if no setting finds every hit."""
+    """The most exact setting to recommend; None if no setting finds every hit, or nothing is hit."""
+    if made.blank:
+        return None
     if closed(made):
         return made.base
     able = candidates(made)
@@ -43,6 +47,11 @@ def sentence(made: Sweep) -> str:
     where = f"At {width}×{height} on this machine ({device(made)})"
     if made.moment is not None:
         where += f", {made.moment:g} s into the animation"
+    if made.blank:
+        return (
+            f"{where}, a frame of {made.name} takes {_time(made.base, made)} and shows no surface, as the reference "
+            "does: no hit has an error, and no setting is recommended."
+        )
     found, best = answers(made), finest(made)
     if best is None:
         return f"{where}, no setting finds every hit of {made.name}{_everywhere(made)}: see the table."

@@ -107,8 +107,9 @@ def summary(name: str, record: Record, now: Mapping[str, Row], faults: int) -> s
         f"{faults} figure{'s' if faults > 1 else ''} grew" if faults else f"nothing grew at {len(record.rows)} settings"
     )
     width, height = record.size
+    error = "no hit" if own["pixels_p99"] is None else f"{own['pixels_p99']} px{change('pixels_p99')}"
     return (
-        f"{name} at {width}x{height}: {verdict}; {own['pixels_p99']} px{change('pixels_p99')}, "
+        f"{name} at {width}x{height}: {verdict}; {error}, "
         f"{own['all_evaluations']:.1f} evaluations per pixel{change('all_evaluations')}, "
         f"{own['missed'] + own['false']} missed or false hits"
     )

@@ -64,6 +64,8 @@ class Location:
         """One sentence."""
         if self.missed:
             return f"{self.missed} hits are missed or false; they are magenta in the error map."
+        if not self.bands:
+            return "no hit is compared."
         if not self.largest:
             return "no compared hit is off."
         band = max(self.bands, key=lambda b: b.worst / max(b.hits, 1e-9))

@@ -71,11 +71,17 @@ class Found:
     def words(self) -> str:
         """One sentence."""
         errors = self.point.errors
-        apart = "" if self.metric == "flip_p99" or errors.apart else " (with silhouettes: there are few other hits)"
+        blank = errors.pixels == 0 and self.metric != "flip_p99"
+        reached = "no ray hits a surface, as in the reference" if blank else WORDS[self.metric].format(self.error)
+        apart = (
+            ""
+            if self.metric == "flip_p99" or errors.apart or blank
+            else " (with silhouettes: there are few other hits)"
+        )
         if self.doubt:
             apart = f" ({self.doubt:.2g} of it is the uncertainty of the reference)"
         return (
-            f"{self.name} ({self.point.tracer}): {WORDS[self.metric].format(self.error)}{apart}, no hit missed, "
+            f"{self.name} ({self.point.tracer}): {reached}{apart}, {'' if blank else 'no hit missed, '}"
             f"{self.time.value:.2f} ms [{self.time.low:.2f}, {self.time.high:.2f}]; the best of {self.tried} settings"
         )
 

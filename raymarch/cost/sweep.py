@@ -168,6 +168,11 @@ class Sweep:
     def base(self) -> Point:
         return self.points[0]
 
+    @property
+    def blank(self) -> bool:
+        """True if rays with the scene's own setting hit nothing, rightly: no distance of a hit can be compared."""
+        return self.base.errors.sound and not any(e.pixels for e in (self.base.errors, *self.base.views))
+
     def comparable(self, metric: str = "pixels_p99") -> list[Point]:
         """The sound settings with comparable errors.
 
@@ -182,7 +187,12 @@ class Sweep:
         return point.evaluations if self.untimed else point.time.value
 
     def front(self, metric: str = "pixels_p99") -> list[Point]:
-        """The comparable settings that no other beats in both cost and error, cheapest first."""
+        """The comparable settings that no other beats in both cost and error, cheapest first.
+
+        Empty for an error of hits, if nothing is hit.
+        """
+        if self.blank and not metric.startswith("flip"):
+            return []
         return pareto(self.comparable(metric), self.cost, lambda p: p.error(metric))
 
 

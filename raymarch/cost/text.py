@@ -238,9 +238,9 @@ def findings(made: Sweep, metric: str = "pixels_p99") -> list[str]:
             f"of these, each with an error at least 10 % below the one before, {order} first: "
             + "; ".join(labelled(p) for p in worth(front, metric))
         )
-    else:
+    elif not made.blank:
         lines.append("no setting finds every hit: the front is empty")
-    if made.base.errors.sound and not made.untimed:
+    if made.base.errors.sound and not made.untimed and front:
         lines.append(f"the scene's own setting {standing(made, metric)}")
     if made.base.times:
         drawn, beside = made.base.time.value, made.base.cpu

@@ -17,6 +17,8 @@ import matplotlib
 import pytest
 
 import raymarch as rm
+from raymarch.cli import drawing
+from raymarch.cli.common import CommandError
 from raymarch.cluster import connect, frames, submit
 from raymarch.cluster.connect import connected
 from raymarch.cluster.source import of_file
@@ -147,6 +149,27 @@ def test_films_pictures_and_failures(
     assert sorted(files(folder) & {f"f{i}.png" for i in range(6)}) == [f"f{i}.png" for i in (0, 1, 2, 4, 5)]
     assert "raymarch: frame 3 cannot be drawn: ball.py:4: " in told
     assert told.splitlines()[-1] == "raymarch: 1 of 6 frames could not be drawn (see above)"
+
+
+def test_what_is_drawn_already_starts_no_cluster(
+    folder: Path, cluster: tuple[str, str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def lost(*_: Any) -> None:
+        raise CommandError("no disk")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(drawing, "join_film", lost)
+        assert draw("c.gif", *cluster) == 2 and len(list(folder.glob("c.gif.frames/*"))) == 6
+    assert draw("p%d.png") == 0 and draw("p.gif") == 0
+    drawn = content("p*.png")
+    monkeypatch.setattr(connect, "_local", lambda *_: pytest.fail("a cluster starts"))
+    capsys.readouterr()
+    assert draw("p%d.png", "--cluster", "local:1") == 0 and content("p*.png") == drawn
+    assert capsys.readouterr().err.count("is already drawn") == 6
+    assert draw("c.gif", "--cluster", "local:1") == 0 and content("c.gif") == content("p.gif")
+    (folder / "p2.png").write_bytes(b"")
+    with pytest.raises(pytest.fail.Exception, match="a cluster starts"):
+        draw("p%d.png", "--cluster", "local:1")
 
 
 def test_a_scene_is_drawn_wherever_its_file_lies(folder: Path, client: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,14 +11,17 @@ import pytest
 
 import raymarch as rm
 from raymarch.cost.answer import BOUNDS, advice, answers, figures, finest, grouped, sentence
+from raymarch.cost.baseline import OWN, Record, summary
 from raymarch.cost.effects import Effect
 from raymarch.cost.errors import measure
 from raymarch.cost.html import as_html, dearest
 from raymarch.cost.location import BANDS, location
 from raymarch.cost.reference import reference
 from raymarch.cost.rivals import candidates
+from raymarch.cost.search import Found
 from raymarch.cost.settings import Setting, setting
 from raymarch.cost.sweep import Sweep, sweep
+from raymarch.cost.text import findings
 from tests.cost.cost_samples import SIZE, FakeRenderer
 
 EPSILONS = (9.0, 2.0, 0.004)
@@ -165,6 +168,28 @@ def test_the_error_is_located(fake, known):
     assert "evenly" in location(point).words
     point.errors = replace(point.errors, missed=3)
     assert location(point).words.startswith("3 hits are missed")
+
+
+def test_a_picture_of_sky_alone_has_no_error_and_no_answer(scene):
+    empty = scene.replace(camera=rm.Camera(position=(0, 5, 0), target=(0, 9, 0.1)))
+    known = reference(empty, SIZE, samples=1)
+    assert not known.hit.any()
+    made = sweep(empty, [Setting("base", rm.Quality())], known, FakeRenderer(known), "sky", repeats=1)
+    assert sentence(made).endswith(
+        "a frame of sky takes 10 ms and shows no surface, as the reference does: no hit has an error, and no setting "
+        "is recommended."
+    )
+    assert not answers(made) and not advice(made) and finest(made) is None and not made.front()
+    assert made.front("flip_p99")
+    assert not [line for line in findings(made) if "front" in line or "every hit" in line]
+    text = as_html(made)
+    assert "no hit is compared." in text and 'class="card"' not in text
+    nothing = Found(rm.Quality(), "base", made.base, made.base.time, "pixels_p99", 1)
+    assert nothing.words.startswith("base (advance): no ray hits a surface, as in the reference, 10.00 ms")
+    record = Record(SIZE, 0.0, {}, {OWN: {"pixels_p99": None, "missed": 0, "false": 0, "all_evaluations": 0.0}})
+    assert summary("sky", record, record.rows, 0) == (
+        "sky at 64x36: nothing grew at 1 settings; no hit, 0.0 evaluations per pixel, 0 missed or false hits"
+    )
 
 
 def test_the_dearest_effect_is_named():
