@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 import PIL
 
-import raymarch
 from raymarch.errors import ClusterError
-from raymarch.files import sources
+from raymarch.files import package
 from raymarch.gpu.driver import Driver
 
 
@@ -31,15 +28,6 @@ class Machine:
 
     def __str__(self) -> str:
         return f"{self.driver.renderer}, {self.driver.version}, {self.libraries}"
-
-
-@cache
-def package() -> str:
-    """The version of this package, and a hash of its files."""
-    made = hashlib.sha256()
-    for name, content in sources(""):
-        made.update(name.encode() + b"\0" + content)
-    return f"{raymarch.__version__} ({made.hexdigest()[:8]})"
 
 
 def libraries() -> str:

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
-import raymarch
 from raymarch.errors import Doubt, RenderError
 from raymarch.export import png
 from raymarch.export.layers import ARRAYS, layers_of
 from raymarch.expr.images import write_channels
+from raymarch.files import package
 from raymarch.gpu.driver import Driver
 from raymarch.gpu.frame import Frame
 from raymarch.gpu.part import PicturePart
@@ -93,8 +93,8 @@ def content_of(
     label: str,
     part: PicturePart | None = None,
 ) -> str | None:
-    """A hash of all that determines a picture, except the driver: shader, values, size. None if the picture also
-    depends on earlier frames.
+    """A hash of all that determines a picture, except the driver: shader, values, size, and this package. None if the
+    picture also depends on earlier frames.
 
     size : (width, height) in pixels, of the part if one is given. label : of the view.
     """
@@ -108,7 +108,7 @@ def content_of(
     if scene.motion_blur:
         made.update(f"shutter {scene.camera.open_seconds(values)!r}\0".encode())
     made.update(_stated(scene.quality, scene.tone))
-    for fact in (raymarch.__version__, label, size, *([] if part is None else [part])):
+    for fact in (package(), label, size, *([] if part is None else [part])):
         made.update(repr(fact).encode() + b"\0")
     made.update(ready.digest)
     for name, value in sorted(uniforms.items()):

@@ -42,8 +42,9 @@ SNAP = 1e-3
 AROUND = 10.0 * SNAP * np.array([(0.2, 0.55, 0.81), (0.2, -0.55, -0.81), (-0.2, 0.55, -0.81), (-0.2, -0.55, 0.81)])
 """Places around such a point, in cells: on both sides of each plane through it, and none in a plane of grid points."""
 
-NEAR = 1e-6
-"""A zero on an edge of the grid is found if the absolute value of the field there is at most this, in cells."""
+NEAR = 1e-12
+"""A zero on an edge of the grid is found if the absolute value of the field there is at most this, in cells, or 8 units
+in the last place of the coordinates."""
 
 CREASE = 0.9
 """A vertex where the gradient's cosine to the mean normal of the faces around is less lies on a sharp edge or corner,
@@ -327,6 +328,7 @@ def _zeros(solid: _Solid, first: Array, cell: float, starts: Array, axes: Array,
     at = low_value / (low_value - high_value)
     side = np.zeros(len(starts), np.int8)
     rows = np.arange(len(starts))
+    near = max(NEAR, 8 * np.finfo(np.float64).eps * float(np.max(np.abs(origin), initial=0.0)) / cell)
     for _ in range(30):
         found = np.concatenate(
             [
@@ -334,7 +336,7 @@ def _zeros(solid: _Solid, first: Array, cell: float, starts: Array, axes: Array,
                 for part in np.array_split(rows, 1 + len(rows) // BATCH)
             ]
         )
-        going = np.abs(found) > NEAR
+        going = np.abs(found) > near
         rows, found = rows[going], found[going]
         if not len(rows):
             break

@@ -19,9 +19,11 @@ import pytest
 from PIL import Image, ImageSequence
 
 import raymarch as rm
+from raymarch.export import stills
 from raymarch.export.film import write_film
 from raymarch.export.sequence import Item, Parts, Runner, frames_of
 from raymarch.export.stills import Shot
+from raymarch.files import package
 from tests.support.commands import files, run
 
 SCENE = """import raymarch as rm
@@ -116,6 +118,15 @@ def test_an_edited_scene_is_drawn_again(folder: Path, capsys: pytest.CaptureFixt
         (folder / "ball.py").write_text(SCENE.replace(old, new))
         assert draw("f_%04d.png", frames="0:1") == 0
     assert drawn(capsys) == 4
+
+
+def test_frames_by_another_state_of_the_package_are_drawn_again(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert package() == f"{rm.__version__} ({package()[-9:]}" and draw("f_%04d.png", frames="0:2") == 0
+    monkeypatch.setattr(stills, "package", lambda: f"{rm.__version__} (12345678)")
+    assert draw("f_%04d.png", frames="0:2") == 0 and drawn(capsys) == 4
+    assert draw("f_%04d.png", frames="0:2") == 0 and drawn(capsys) == 0
 
 
 def test_a_film_that_was_killed_continues_to_the_same_bytes(folder: Path) -> None:

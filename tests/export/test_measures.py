@@ -51,6 +51,15 @@ def test_measures_of_a_plate_with_a_hole() -> None:
     assert found.thickness((3, 2, 5)).shape == (1,)
 
 
+@pytest.mark.parametrize("size", [0.003, 1.0, 1000.0])
+@pytest.mark.parametrize("cells", [30, 64])
+def test_extents_of_a_box_are_exact_at_any_size_and_place(size: float, cells: int) -> None:
+    for middle in np.zeros(3), size * np.array([0.3, 7.0, -40.0]):
+        found = rm.measure(rm.box((size, size / 2, size / 3)).translate(middle), cells=cells)
+        np.testing.assert_allclose(found.extent, (size, size / 2, size / 3), rtol=1e-12)
+        np.testing.assert_allclose(np.mean(found.bounds, axis=0), middle, atol=1e-13 * size, rtol=1e-13)
+
+
 @pytest.mark.parametrize("size", [1.0, 1000.0])
 def test_thickness_of_a_shell_at_any_size(size: float) -> None:
     shell = rm.measure(rm.sphere(2 * size).shell(0.2 * size), cells=12)
