@@ -97,6 +97,11 @@ def package() -> str:
     return f"{raymarch.__version__} ({made.hexdigest()[:8]})"
 
 
+def valid(name: str) -> str:
+    """The name of a file as text that UTF-8 can encode: other bytes are escaped."""
+    return name.encode("utf-8", "backslashreplace").decode()
+
+
 EXTRAS = {
     "cluster": "distributed cryptography",
     "exr": "OpenEXR",

@@ -39,7 +39,7 @@ COMMANDS = {
 }
 """The help text of each command. The module of the same name in this package has its options, as those of `run`."""
 
-OPTIONS: dict[str, Any] = {"add_completion": False, "pretty_exceptions_enable": False}
+OPTIONS: dict[str, Any] = {"pretty_exceptions_enable": False}
 
 app = typer.Typer(
     help="Signed-distance scenes in Python, compiled to one GLSL fragment shader.", no_args_is_help=True, **OPTIONS
@@ -58,7 +58,7 @@ def load(name: str) -> Any:
     """The command with its options."""
     run = import_module(f"raymarch.cli.{name}").run
     startup.end()
-    alone = typer.Typer(**OPTIONS)
+    alone = typer.Typer(add_completion=False, **OPTIONS)
     alone.command(name, help=COMMANDS[name])(run)
     return typer.main.get_command(alone)
 
@@ -84,12 +84,12 @@ def _run(args: Sequence[str] | None) -> int:
     except Exception as fault:
         if not hasattr(fault, "format_message"):  # the exceptions of wrong usage have it; typer moves their classes
             raise
-        _show_usage(fault)
+        _show_usage(fault, sys.argv[1:] if args is None else args)
         return 2
     return code if isinstance(code, int) else 0
 
 
-def _show_usage(fault: Any) -> None:
+def _show_usage(fault: Any, args: Sequence[str]) -> None:
     """Print wrong usage as one line; the help, if a command was called without arguments."""
     context = getattr(fault, "ctx", None)
     command = context.command_path if context is not None else "raymarch"
@@ -102,7 +102,20 @@ def _show_usage(fault: Any) -> None:
         shown = f"{scene[1]} is no command (raymarch render {scene[1]}, or raymarch view {scene[1]})"
         errors.say(shown)
         return
+    wrong = re.fullmatch(r"Invalid value for '(?:.* / )?(--[\w-]+)': Input should be (.+?)(?:, unable.*)?", text)
+    if wrong:
+        legal = wrong[2].replace("a valid integer", "an integer").replace("a valid", "a")
+        errors.say(f"{wrong[1]} {_given(wrong[1], args)} ({legal}; {command} --help)")
+        return
     errors.say(f"{_hinted(text, context)} ({command} --help)")
+
+
+def _given(option: str, args: Sequence[str]) -> str:
+    """The value of an option, as it was typed last."""
+    for before, after in reversed(list(zip(args, [*args[1:], ""], strict=True))):
+        if before == option or before.startswith(f"{option}="):
+            return before.partition("=")[2] or after
+    return ""
 
 
 def _hinted(text: str, context: Any) -> str:

@@ -83,7 +83,17 @@ NoMeasured = Annotated[
         help="Plan by the prices of the device's class, not those of `raymarch doctor --measure`.",
     ),
 ]
-Backend = Annotated[str, typer.Option(help="auto, egl, osmesa or window.")]
+
+
+def among(*names: str) -> Callable[[str], list[str]]:
+    """What completes the value of an option in a shell: those of some names that begin as it does."""
+    return lambda incomplete: [name for name in names if name.startswith(incomplete)]
+
+
+Backend = Annotated[
+    str,
+    typer.Option(help="auto, egl, osmesa or window.", autocompletion=among("auto", "egl", "osmesa", "window")),
+]
 Device = Annotated[
     int | None, typer.Option(help="Index of the EGL device; no other backend is tried.", show_default="0")
 ]

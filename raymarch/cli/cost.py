@@ -21,6 +21,7 @@ from raymarch.cli.common import (
     Output,
     SceneFile,
     Settings,
+    among,
     errors,
     ignore_measured,
     parse_settings,
@@ -45,7 +46,7 @@ from raymarch.cost.text import FORMAT, as_csv, as_json, findings, in_table, ligh
 from raymarch.cost.variants import ideal_of
 from raymarch.cost.views import views
 from raymarch.errors import CostError
-from raymarch.files import import_optional, reading, write
+from raymarch.files import import_optional, reading, valid, write
 from raymarch.gpu.driver_cache import without_driver_cache
 from raymarch.gpu.renderer import Renderer
 from raymarch.proof import prove
@@ -94,7 +95,10 @@ def run(
     cross: Annotated[
         str | None, typer.Option(metavar="NAME,NAME", help="Try these axes only, in all combinations.")
     ] = None,
-    by: Annotated[str, typer.Option(help=f"Error metric of the Pareto front: {', '.join(METRICS)}.")] = "pixels_p99",
+    by: Annotated[
+        str,
+        typer.Option(help=f"Error metric of the Pareto front: {', '.join(METRICS)}.", autocompletion=among(*METRICS)),
+    ] = "pixels_p99",
     repeats: Annotated[int, typer.Option(min=1, max=1000, help="Timed frames per setting.")] = 9,
     seed: Annotated[int, typer.Option(help="Seed of the random order of frames.")] = 1,
     samples: Annotated[
@@ -144,7 +148,7 @@ def run(
     asked = axes(crossed, _given(axis or []))
     pixels, params = parse_size(size or SIZE), parse_settings(set_ or [])
     source, found = (None, load(scene)) if cluster is None else of_file(scene)  # read once: it may be a pipe
-    bench = _Bench(found, scene.stem, pixels, time or 0.0, params, repeats, seed, samples, backend, device)
+    bench = _Bench(found, valid(scene.stem), pixels, time or 0.0, params, repeats, seed, samples, backend, device)
     if write_baseline is not None or check_ is not None:
         ignore_measured(True)  # evaluations then depend on no driver
     if write_baseline is not None:

@@ -6,12 +6,18 @@ from typing import Annotated
 
 import typer
 
-from raymarch.cli.common import CommandError
+from raymarch.cli.common import CommandError, among
 from raymarch.scene.quality import PRESETS
 from raymarch.scene.scene import Scene
 
 Preset = Annotated[
-    str | None, typer.Option("--quality", metavar="NAME", help=f"Quality preset for marching: {', '.join(PRESETS)}.")
+    str | None,
+    typer.Option(
+        "--quality",
+        metavar="NAME",
+        help=f"Quality preset for marching: {', '.join(PRESETS)}.",
+        autocompletion=among(*PRESETS),
+    ),
 ]
 
 

@@ -18,6 +18,7 @@ from raymarch.cli.common import (
     NoMeasured,
     OptionalTime,
     SceneFile,
+    among,
     errors,
     parse_size,
     parse_sweeps,
@@ -82,7 +83,9 @@ def run(
             help="Value of a Param; may be repeated. With --frames also NAME=A:B, from A to B.",
         ),
     ] = None,
-    view: Annotated[str, typer.Option(help=f"What to show: {', '.join(CHOICES)}.")] = "final",
+    view: Annotated[
+        str, typer.Option(help=f"What to show: {', '.join(CHOICES)}.", autocompletion=among(*CHOICES))
+    ] = "final",
     slice_: Annotated[
         str | None,
         typer.Option(

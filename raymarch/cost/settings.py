@@ -252,7 +252,9 @@ def parse_values(name: str, text: str) -> tuple[Any, ...]:
 
 
 def _check_value(name: str, given: Any) -> None:
-    """Raise CostError for a value that an axis does not take."""
+    """Raise CostError for an axis that is not known, and for a value that it does not take."""
+    if name not in _known():
+        raise CostError(f"axis {name!r}", legal=", ".join(_known()))
     legal = ""
     if name in VARIANTS:
         legal = "" if VARIANTS[name].is_legal(given) else VARIANTS[name].legal
@@ -265,8 +267,6 @@ def _check_value(name: str, given: Any) -> None:
             replace(Quality(), **{name: given})
         except SceneError as fault:
             legal = "" if name == "omega" else fault.legal  # the range of omega depends on the tracer
-        except TypeError:
-            raise CostError(f"axis {name!r}", legal=", ".join(_known())) from None
     if legal:
         raise CostError(f"axis {name} = {given!r}", legal=legal)
 

@@ -58,7 +58,7 @@ def device_class(is_software: bool = True) -> DeviceClass:
 def of_name(name: str, what: str = "--device-class") -> DeviceClass:
     """The class of a name; PlanError if there is none. what : says where the name is from."""
     if name not in CLASSES:
-        raise PlanError(f"{what}={name!r}", legal=", ".join(CLASSES))
+        raise PlanError(f"{what} {name}", legal=", ".join(CLASSES))
     return CLASSES[name]
 
 

@@ -111,6 +111,16 @@ def test_a_message_is_shown_as_it_is(folder: Path, capsys: Any, words: str) -> N
     assert capsys.readouterr().err == f"raymarch: bad.py:1: ValueError: {words}\n"
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such names")
+def test_pages_of_a_file_whose_name_is_not_utf_8(folder: Path) -> None:
+    name = os.fsdecode(b"b\xff")
+    Path(f"{name}.py").write_text(HELLO)
+    assert run("export", f"{name}.py", "-o", "a.html") == 0
+    assert "<title>b\\udcff</title>" in Path("a.html").read_text(encoding="utf-8")
+    how = ("--cross", "epsilon", "--axis", "epsilon=1", "--repeats", "1", "--no-prove", "--html", "c.html")
+    assert run("cost", f"{name}.py", "--size", "16x9", *how) == 0
+
+
 @pytest.mark.parametrize("name", ["höhe und breite.py", "[bold]x.py", "scene", "-.py", "a.b.c.py"])
 def test_a_scene_may_have_any_name(folder: Path, name: str, capsys: Any) -> None:
     (folder / name).write_text("import raymarch as rm\nscene = rm.Scene(rm.sphere(), lights=[rm.Sun()])\n")

@@ -374,8 +374,10 @@ WRONG_USAGE = {
     "nosuch": "No such command 'nosuch' (raymarch --help)",
     "render": "Missing argument 'SCENE.py' (raymarch render --help)",
     "render hello.py --nosuch": "No such option: --nosuch (raymarch render --help)",
-    "render hello.py --time x": "Invalid value for '--time': ",
-    "cost hello.py --repeats 0": "Invalid value for '--repeats': ",
+    "render hello.py --time x": "--time x (a number; raymarch render --help)",
+    "render hello.py --samples 1.5": "--samples 1.5 (an integer; raymarch render --help)",
+    "cost hello.py --repeats=0": "--repeats 0 (greater than or equal to 1; raymarch cost --help)",
+    "explain hello.py --device-class gpu": "--device-class gpu (software, hardware)",
 }
 
 
@@ -386,6 +388,24 @@ def test_wrong_usage_is_one_line_and_code_2(folder, capsys, call):
     assert out == ""
     (line,) = err.strip().splitlines()
     assert line.startswith(f"raymarch: {WRONG_USAGE[call]}")
+
+
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    [
+        ("raymarch pr", ["prove"]),
+        ("raymarch export --shad", ["--shadertoy"]),
+        ("raymarch view hello.py --quality f", ["fine"]),
+        ("raymarch render hello.py --view no", ["normal", "nonfinite"]),
+        ("raymarch cost --by flip_m", ["flip_mean", "flip_max"]),
+    ],
+)
+def test_a_shell_completes_commands_options_and_values(capsys, monkeypatch, typed, offered):
+    words = {"COMP_WORDS": typed, "COMP_CWORD": str(typed.count(" ")), "_RAYMARCH_COMPLETE": "complete_bash"}
+    for name, value in words.items():
+        monkeypatch.setenv(name, value)
+    assert run() == 0
+    assert capsys.readouterr().out.split() == offered
 
 
 def test_explain_plans_for_the_size_of_the_picture(folder, capsys):

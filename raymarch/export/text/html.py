@@ -21,6 +21,7 @@ from raymarch.expr.samples import Samples
 from raymarch.expr.srgb import srgb_glsl
 from raymarch.expr.tables import Table
 from raymarch.expr.texels import Texels
+from raymarch.files import valid
 from raymarch.gpu.display import HIGH, HIT, LOW, VALUE, VECTOR
 from raymarch.gpu.views import ALL
 from raymarch.plan import Plan, plan
@@ -58,7 +59,7 @@ def text_of(scene: Scene, values: Values, still: bytes = b"") -> Text:
         "source": _source(scene),
     }
     file = Path(scene.where.file) if scene.where else None
-    name = file.stem if file and file.exists() else "raymarch"  # a notebook's cell is no file
+    name = valid(file.stem) if file and file.exists() else "raymarch"  # a notebook's cell is no file
     content = json.dumps(data, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
     page, _, end = _file("page.html").partition("DATA")
     data_text = content.replace("<", "\\u003c")  # no markup can end the script early
