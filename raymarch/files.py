@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib.util
 import json
 import math
@@ -15,11 +14,9 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from errno import EACCES, EISDIR
-from functools import cache
 from pathlib import Path
 from typing import Any
 
-import raymarch
 from raymarch.cache import folder as cache_folder
 from raymarch.errors import RaymarchError, SceneError, is_users
 from raymarch.startup import unfinished
@@ -86,15 +83,6 @@ def sources(*names: str) -> Iterator[tuple[str, bytes]]:
 
     for name in names:
         yield from walk(resources.files("raymarch").joinpath(name))
-
-
-@cache
-def package() -> str:
-    """The version of this package, and a hash of its files."""
-    made = hashlib.sha256()
-    for name, content in sources(""):
-        made.update(name.encode() + b"\0" + content)
-    return f"{raymarch.__version__} ({made.hexdigest()[:8]})"
 
 
 def valid(name: str) -> str:

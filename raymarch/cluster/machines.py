@@ -10,7 +10,7 @@ import numpy as np
 import PIL
 
 from raymarch.errors import ClusterError
-from raymarch.files import package
+from raymarch.export.stills import package
 from raymarch.gpu.driver import Driver
 
 

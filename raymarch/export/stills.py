@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
+import raymarch
 from raymarch.errors import Doubt, RenderError
 from raymarch.export import png
 from raymarch.export.layers import ARRAYS, layers_of
 from raymarch.expr.images import write_channels
-from raymarch.files import package
+from raymarch.files import sources
 from raymarch.gpu.driver import Driver
 from raymarch.gpu.frame import Frame
 from raymarch.gpu.part import PicturePart
@@ -81,6 +82,15 @@ class Shot:
     def label(self) -> str:
         """The part of the key that names the view. A strict run keeps no picture that was drawn without its checks."""
         return f"{self.view} {self.alpha}{' strict' * self.strict}"
+
+
+@cache
+def package() -> str:
+    """The version of this package, and a hash of its files."""
+    made = hashlib.sha256()
+    for name, content in sources(""):
+        made.update(name.encode() + b"\0" + content)
+    return f"{raymarch.__version__} ({made.hexdigest()[:8]})"
 
 
 def content_of(

@@ -377,7 +377,6 @@ WRONG_USAGE = {
     "render hello.py --time x": "--time x (a number; raymarch render --help)",
     "render hello.py --samples 1.5": "--samples 1.5 (an integer; raymarch render --help)",
     "cost hello.py --repeats=0": "--repeats 0 (greater than or equal to 1; raymarch cost --help)",
-    "explain hello.py --device-class gpu": "--device-class gpu (software, hardware)",
 }
 
 

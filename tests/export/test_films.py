@@ -22,8 +22,7 @@ import raymarch as rm
 from raymarch.export import stills
 from raymarch.export.film import write_film
 from raymarch.export.sequence import Item, Parts, Runner, frames_of
-from raymarch.export.stills import Shot
-from raymarch.files import package
+from raymarch.export.stills import Shot, package
 from tests.support.commands import files, run
 
 SCENE = """import raymarch as rm
