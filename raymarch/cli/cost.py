@@ -70,6 +70,9 @@ ENDINGS = {
 """Suffixes that each option accepts."""
 
 
+Metric = Annotated[
+    str, typer.Option(help=f"Error metric of the Pareto front: {', '.join(METRICS)}.", autocompletion=among(*METRICS))
+]
 Proved = Annotated[
     bool | None,
     typer.Option(
@@ -95,10 +98,7 @@ def run(
     cross: Annotated[
         str | None, typer.Option(metavar="NAME,NAME", help="Try these axes only, in all combinations.")
     ] = None,
-    by: Annotated[
-        str,
-        typer.Option(help=f"Error metric of the Pareto front: {', '.join(METRICS)}.", autocompletion=among(*METRICS)),
-    ] = "pixels_p99",
+    by: Metric = "pixels_p99",
     repeats: Annotated[int, typer.Option(min=1, max=1000, help="Timed frames per setting.")] = 9,
     seed: Annotated[int, typer.Option(help="Seed of the random order of frames.")] = 1,
     samples: Annotated[
