@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from raymarch.cluster.machines import Machine, libraries, package
+from raymarch.cluster.machines import Machine, libraries
 from raymarch.cluster.source import Source, without_folder
 from raymarch.errors import DeviceError, Doubt, RaymarchError, RenderWarning, SceneError
 from raymarch.export.sequence import Contents, Item
-from raymarch.export.stills import Shot, draw, encoder, key_of, save, view_of
+from raymarch.export.stills import Shot, draw, encoder, key_of, package, save, view_of
 from raymarch.gpu.renderer import Renderer
 from raymarch.scene.quality import Quality
 from raymarch.scene.scene import Scene

@@ -20,10 +20,11 @@ from PIL import Image
 import raymarch as rm
 from raymarch.cluster.connect import check_address
 from raymarch.cluster.frames import failures, shares_of
-from raymarch.cluster.machines import Machine, accepted, libraries, package
+from raymarch.cluster.machines import Machine, accepted, libraries
 from raymarch.cluster.source import PREFIX, of_file, of_scene, without_folder
 from raymarch.cluster.worker import Refused
 from raymarch.export.sequence import Item
+from raymarch.export.stills import package
 from raymarch.gpu.driver import Driver
 from raymarch.plan import plan
 from raymarch.shader import assemble
