@@ -304,8 +304,11 @@ class Model:
 
     @property
     def panel_width(self) -> int:
-        """Width of the panel in pixels; 0 while it is hidden."""
-        width = round(min((NARROW if self.narrow else PANEL) * self.density, 0.6 * self.size[0]))
+        """Width of the panel in pixels; 0 while it is hidden. A wide one takes up to two fifths of a small window, and
+        becomes narrow for that."""
+        narrow = NARROW * self.density
+        width = narrow if self.narrow else min(PANEL * self.density, max(0.4 * self.size[0], narrow))
+        width = round(min(width, 0.6 * self.size[0]))
         return max(min(width, self.size[0] - 1), 0) if self.panel else 0
 
     @property

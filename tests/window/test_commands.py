@@ -53,6 +53,20 @@ class Said:
         self.events.append((event, facts))
 
 
+@pytest.mark.parametrize(
+    ("size", "density", "wide", "narrow"),
+    [(960, 1.0, 300, 200), (600, 1.0, 240, 200), (480, 1.0, 200, 200), (300, 1.0, 180, 180), (960, 2.0, 400, 400)],
+)
+def test_the_panel_leaves_most_of_a_small_window_to_the_picture(size, density, wide, narrow):
+    model = model_of(panel=True, density=density)
+    model.size = (size, 270)
+    assert model.panel_width == wide and model.area == (size - wide, 270)
+    model.narrow = True
+    assert model.panel_width == narrow
+    model.panel = False
+    assert model.area == (size, 270)
+
+
 def model_of(text: str = SCENE, **changes: Any) -> Model:
     log: Any = Said()
     return Model(opened(FILE, scene_of(text), {}, 1.6), log=log, size=(320, 200), **changes)
@@ -135,15 +149,15 @@ def test_held_keys_fly() -> None:
 
 def test_the_divider_of_a_split_picture_is_dragged() -> None:
     model = model_of(panel=True)
-    model.size = (600, 400)
-    assert model.area == (300, 400)
+    model.size = (750, 400)
+    assert model.area == (450, 400)
     mouse = Mouse(model)
     press(model, "k")
-    assert model.compare.side == "exact" and model.divider == 450
+    assert model.compare.side == "exact" and model.divider == 525
     before = model.state.hold()
-    for event in (Move(447, 90), Button(0, True, False, False), Move(520, 80), Button(0, False, False, False)):
+    for event in (Move(522, 90), Button(0, True, False, False), Move(595, 80), Button(0, False, False, False)):
         mouse.take(event)
-    assert model.divider == 520 and model.state.hold().position is before.position
+    assert model.divider == 595 and model.state.hold().position is before.position
     do.set_divider(model, 10_000)
     assert 0.9 < model.compare.divider < 1
     press(model, "k")

@@ -152,10 +152,10 @@ def test_a_scene_that_moves(view: View, tmp_path: Path) -> None:
 
 def test_the_panel_and_a_split_picture(view: View) -> None:
     session = view(SCENE, "--size", "640x400", "--panel")
-    hand, beside = session.hand, np.s_[150:, 300:]
+    hand, beside = session.hand, np.s_[150:, 256:]
 
     def expected(radius: float) -> np.ndarray:
-        with rm.Renderer((340, 400)) as renderer:
+        with rm.Renderer((384, 400)) as renderer:
             frame = renderer.render(scene_of(SCENE), params={"radius": radius})
             return np.asarray(frame.image()).astype(int)[150:]
 
@@ -177,26 +177,26 @@ def test_the_panel_and_a_split_picture(view: View) -> None:
     hand.key("k")
     split = session.settled()
     line = np.all(split[150:] == 255, axis=-1).all(axis=0)
-    assert np.flatnonzero(line).tolist() == [470]
-    off_line = np.delete(split[beside], slice(165, 175), axis=1)
-    assert alike(off_line, np.delete(seen[beside], slice(165, 175), axis=1))
-    hand.drag((470, 300), (540, 300))
-    at = (540 - 300) / 340
+    assert np.flatnonzero(line).tolist() == [448]
+    off_line = np.delete(split[beside], slice(187, 197), axis=1)
+    assert alike(off_line, np.delete(seen[beside], slice(187, 197), axis=1))
+    hand.drag((448, 300), (540, 300))
+    at = (540 - 256) / 384
     assert not np.array_equal(session.settled()[150:, 535:545], split[150:, 535:545])
 
     # Beside the reference, with the errors over the picture: both are computed tile by tile.
     hand.key("k"), hand.key("o")
     session.wait("compare", lambda e: e["over"] == "errors" and e["side"] == "truth")
     mark = session.mark()
-    hand.resize(400, 300)  # 160 x 300 pixels beside the panel
+    hand.resize(400, 300)  # 200 x 300 pixels beside the panel
     session.wait("reference", lambda e: e["share"] == 1.0, mark)
-    with rm.Renderer((160, 300)) as renderer:
+    with rm.Renderer((200, 300)) as renderer:
         frame = renderer.render(scene_of(SCENE), params={"radius": moved[-1]})
         rendered = np.asarray(frame.image()).astype(int)
-    rows, divider = slice(150, 205), 240 + round(160 * at)
+    rows, divider = slice(150, 205), 200 + round(200 * at)
     compared = session.settled()[rows].astype(int)
-    assert np.abs(compared[:, divider + 3 :] - rendered[rows, divider - 237 :]).mean() < 4  # the same scene in float64
-    assert compared[:, 250 : divider - 3].mean() < 0.7 * rendered[rows, 10 : divider - 243].mean()  # dimmed: no error
+    assert np.abs(compared[:, divider + 3 :] - rendered[rows, divider - 197 :]).mean() < 4  # the same scene in float64
+    assert compared[:, 250 : divider - 3].mean() < 0.7 * rendered[rows, 50 : divider - 203].mean()  # dimmed: no error
 
     # Hidden, the panel leaves the whole window.
     hand.key("k"), hand.key("o"), hand.key("Tab")
