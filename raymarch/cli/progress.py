@@ -17,14 +17,19 @@ QUIET = 10.0
 
 
 def logged() -> Callable[[str, float], None]:
-    """A function that prints a step and the share that is done, but at most one line every `QUIET` seconds."""
+    """A function that prints a step and the share that is done, but at most one line every `QUIET` seconds.
+
+    Work whose share falls has several rounds, of a number that is not known: then no time left is estimated.
+    """
     start = last = clock_time.perf_counter()
+    reached, rounds = 0.0, 1
 
     def tell(what: str, share: float) -> None:
-        nonlocal last
+        nonlocal last, reached, rounds
+        rounds, reached = rounds + (share < reached), share
         if clock_time.perf_counter() - last >= QUIET:
             last = clock_time.perf_counter()
-            left = time_left(last - start, share)
+            left = time_left(last - start, share) if rounds == 1 else ""
             words = f"{100 * share:3.0f} %  {what}{left and ', '}{left}"
             errors.print(words, markup=False, highlight=False)
 

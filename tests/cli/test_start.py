@@ -245,6 +245,18 @@ def test_text_is_printed_whatever_the_width(columns: str) -> None:
     assert done.stdout == "a line\n"
 
 
+def test_work_of_several_rounds_has_no_time_left(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr(progress.clock_time, "perf_counter", lambda: now[0])
+    tell = progress.logged()
+    for what, share in (("a", 0.5), ("a", 0.75), ("b", 0.25), ("b", 0.5)):
+        now[0] += 11.0
+        tell(what, share)
+    assert capsys.readouterr().err.splitlines() == [" 50 %  a, 11 s left", " 75 %  a, 7 s left", " 25 %  b", " 50 %  b"]
+
+
 def test_a_log_gets_lines_of_progress(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """Where the error stream is no terminal, as in CI: one line in every so many seconds."""
     now = [0.0]
