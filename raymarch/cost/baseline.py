@@ -101,7 +101,8 @@ def summary(name: str, record: Record, now: Mapping[str, Row], faults: int) -> s
     before, own = record.rows[OWN], now[OWN]
 
     def change(figure: str) -> str:
-        return f" ({own[figure] / before[figure] - 1:+.0%})" if before[figure] and own[figure] else ""
+        compared = before is not own and before[figure] and own[figure]
+        return f" ({own[figure] / before[figure] - 1:+.0%})" if compared else ""
 
     verdict = (
         f"{faults} figure{'s' if faults > 1 else ''} grew" if faults else f"nothing grew at {len(record.rows)} settings"

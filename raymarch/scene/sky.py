@@ -186,6 +186,8 @@ def _light(what: str, light: Any) -> bool | Expr | Sky:
 def _radiance(color: Any) -> Expr:
     """A colour, or a function of the direction, as an expression of DIRECTION."""
     legal = "linear RGB >= 0, or a function of a direction that gives such"
+    if isinstance(color, type):
+        raise SceneError(f"Sky: color = the class {color.__name__}", legal=f"{color.__name__}(...), or {legal}")
     if isinstance(color, Expr) and DIRECTION in free_variables([color]):
         made = color  # `replace` passes the expression of the sky
     elif not callable(color) or isinstance(color, Expr):

@@ -40,6 +40,14 @@ def test_a_shape_takes_so_many_lines(page: str) -> None:
     assert claim(page, f"{lines:.0f} lines").startswith(f"Median length of the {len(sources)} shapes")
 
 
+@pytest.mark.parametrize("page", PAGES)
+def test_the_time_of_a_frame_is_that_of_the_page_of_graphics_cards(page: str) -> None:
+    rows = re.findall(
+        r"^\| hello \| [\d.]+ \| ([\d.]+) \| \d+ \|$", (ROOT / "docs" / "gpu.md").read_text(), re.MULTILINE
+    )
+    assert len(rows) == 1 and "1920x1080" in claim(page, f"{rows[0]} ms")
+
+
 def ratios(tracer: str) -> tuple[str, str]:
     """The least and the greatest ratio to N* in a row of the table of tracers, with one digit."""
     page = (ROOT / "docs" / "marching.md").read_text(encoding="utf-8")

@@ -115,6 +115,11 @@ MISPLACED: dict[str, Any] = {
 }
 
 
+@pytest.mark.parametrize("kind", [rm.Sky, rm.GradientSky])
+def test_a_class_in_place_of_a_sky_is_named(kind: Any) -> None:
+    refused(lambda: rm.Scene(SOLID, sky=kind), f"Sky: color = the class {kind.__name__}", f"{kind.__name__}(...)")
+
+
 @pytest.mark.parametrize("words", MISPLACED)
 def test_a_part_in_another_place_is_told_where_it_belongs(words: str) -> None:
     refused(MISPLACED[words], words, "")
