@@ -204,8 +204,9 @@ class _Solid:
         pad = 0.0 if clipped else 0.5 * cell
         self.middle, self.half = (low + high) / 2, (high - low) / 2 + pad
         self.lipschitz = max(1.0, node.lipschitz)
-        self._single = evaluator([field.body], field.params, np.float32)
+        coarse = float(np.spacing(np.float32(np.max(np.abs([low, high]))))) > SNAP * cell  # far from the origin
         self._double = evaluator([field.body], field.params)
+        self._single = self._double if coarse else evaluator([field.body], field.params, np.float32)
 
     def outside(self, points: Array) -> Array:
         """Distance by which the points are outside the box in the maximum norm; negative inside."""

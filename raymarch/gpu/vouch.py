@@ -60,7 +60,7 @@ def doubts_of(
     found: list[Doubt | None] = [*frame.warnings, *contradicted(scene, values), not_finite(lost, pixels)]
     found += moved_otherwise(scene, values)
     found += [noisy(scene), inside(ready, values, pose, frame.size), *ready.plan.without_effect]
-    found += [coarse(ready, pose, frame.size[1]), too_thin(ready, pose)]
+    found += [coarse(ready, values, pose, frame.size[1]), too_thin(ready, values, pose)]
     white = overexposed(frame.color, scene) if above > OVEREXPOSED * pixels else None
     if white is not None:
         found.append(clipped(white, frame.color, frame.material, scene))
@@ -72,7 +72,7 @@ def doubts_of(
         found.append(out_of_steps(arrived, scene))
     missed = bool(np.all(sky)) and not np.any(np.isfinite(frame.depth))
     if missed or (may_be_ground(frame.color, scene) and is_ground(frame.material, scene)):
-        found.append(nothing_visible(scene, values))
+        found.append(nothing_visible(scene, values, (pose, frame.size)))
     elif not any(found) and is_plain(frame, scene):
         cure = "another place of the camera, as Camera(position=..., target=...)"
         found.append(Doubt("picture", "the picture has one colour: a flat surface fills it", cure))
@@ -85,20 +85,26 @@ def sparse_size(size: tuple[int, int]) -> tuple[int, int]:
     return -(-size[0] // every), -(-size[1] // every)
 
 
-def nothing_visible(scene: Scene, values: Values) -> Doubt | None:
+def nothing_visible(scene: Scene, values: Values, picture: tuple[Pose, tuple[int, int]]) -> Doubt | None:
     """The doubt of a picture without a hit. None if no part of the scene is bounded at this time and with these
-    parameters, since a miss is then plausible."""
-    now = scene if scene.subject is not None else scene.replace(node=solid_at(scene.node, values))
+    parameters, since a miss is then plausible.
+
+    picture : the camera, and (width, height) in pixels.
+    """
+    now = scene.replace(node=solid_at(scene.node, values))
     if now.node.facts.empty:
         return Doubt("picture", "nothing is visible: the solid is empty")
     if (subject := now.subject) is None:
         return None
     ends = ["({})".format(", ".join(f"{v:.4g}" for v in end)) for end in (subject.lower, subject.upper)]
     place = f"between {ends[0]} and {ends[1]}"
-    if is_cut_away(scene.node):
-        return Doubt("picture", f"nothing is visible: nothing is left of the solid {place}", "a smaller cut")
+    if is_cut_away(now.node):
+        what = f"nothing is visible: nothing is left of the solid {place}"
+        return Doubt("picture", what, "a smaller cut, or less that shrinks it")
     what = f"nothing is visible: no ray hits the solid, which lies {place}"
-    if scene.camera.position is not None:
+    pose, size = picture
+    column, row = pose.places((subject.lower + subject.upper) / 2, size)
+    if not (-0.5 <= column < size[0] - 0.5 and -0.5 <= row < size[1] - 0.5):
         return Doubt("picture", what, "another target, or no camera at all: it then sees all of the solid")
     return Doubt("picture", what, "it may be thinner than a pixel: a larger picture, or a camera near a part of it")
 
@@ -184,23 +190,25 @@ def inside(ready: Prepared, values: Values, pose: Pose, size: tuple[int, int]) -
     return Doubt("values", what, "move it, or hide the solid: node.visible(camera=False)")
 
 
-def coarse(ready: Prepared, pose: Pose, height: int) -> Doubt | None:
+def coarse(ready: Prepared, values: Values, pose: Pose, height: int) -> Doubt | None:
     """The doubt of a camera so far from all bounded parts that float32 rounds points by half a pixel or more there."""
-    away, rounding = _rounding(ready, pose)
+    away, rounding = _rounding(ready, values, pose)
     pixels = rounding / float(pose.footprint(away, height)) if away > 0.0 else 0.0
     if pixels < 0.5:
         return None
     where, cure = f"{away:.3g} from what it shows", "a nearer camera, as projection='orthographic'"
+    cure = "a nearer camera, which shows the same" if pose.orthographic else cure
     if (middle := float(np.max(np.abs(pose.position - ready.plan.origin)))) > 10.0 * away:
         where = f"{middle:.3g} from the middle of what it shows"
-        cure = "a smaller solid, as a plane in place of a planet"
+        cure = "a smaller solid, as a plane in place of a planet, or all of it nearer the origin"
     what = f"the camera is {where}, where float32 holds points within {pixels:.2g} pixels"
     return Doubt("values", what, cure)
 
 
-def _rounding(ready: Prepared, pose: Pose) -> tuple[float, float]:
+def _rounding(ready: Prepared, values: Values, pose: Pose) -> tuple[float, float]:
     """The distance of the camera from the box of all bounded parts, and by how much float32 rounds points there."""
-    subject = ready.plan.scene.subject
+    scene = ready.plan.scene
+    subject = scene.subject or scene.replace(node=solid_at(scene.node, values)).subject  # where time has moved them
     if subject is None:
         return 0.0, 0.0
     position = pose.position - ready.plan.origin
@@ -208,9 +216,9 @@ def _rounding(ready: Prepared, pose: Pose) -> tuple[float, float]:
     return away, 2.0 * ULP * (float(np.max(np.abs(position))) + away)
 
 
-def too_thin(ready: Prepared, pose: Pose) -> Doubt | None:
+def too_thin(ready: Prepared, values: Values, pose: Pose) -> Doubt | None:
     """The doubt of a solid that an uneven scale makes thinner than float32 rounds the points of a ray."""
-    found, (_, rounding) = levels.thinnest(ready.plan.scene.node), _rounding(ready, pose)
+    found, (_, rounding) = levels.thinnest(ready.plan.scene.node), _rounding(ready, values, pose)
     if found is None or found[1] >= rounding:
         return None
     node, thickness = found

@@ -19,6 +19,7 @@ from raymarch.expr.raw import without_twin
 from raymarch.expr.walk import find
 from raymarch.sdf.evaluation import field_of
 from raymarch.sdf.facts import around
+from raymarch.sdf.levels import may_touch
 from raymarch.sdf.node import Node, all_nodes
 
 Points: TypeAlias = NDArray[np.float64]
@@ -174,13 +175,23 @@ def _outside(part: Node, few: bool) -> Points:
 
 
 def is_hollow(part: Node) -> bool:
-    """True if samples of the field of a bounded solid find neither a surface nor an inside."""
+    """True if samples of the field of a bounded solid find neither a surface nor an inside.
+
+    A solid whose field may be 0 where it has no surface, as where a cut takes all of it, needs an inside.
+    """
     lower, upper = np.array(part.facts.lower), np.array(part.facts.upper)
     if len(all_nodes(part)) > LARGE or not np.any(upper > lower):
         return False
     fields, samples = list(_fields(part)), _grid(lower, upper)
-    inside = (bool(np.any(field(samples) <= 0.0)) for field in fields)
-    return bool(fields) and not any(inside) and not any(len(_surface(field, lower, upper)) for field in fields)
+    if not may_touch(part):
+        inside = (bool(np.any(field(samples) <= 0.0)) for field in fields)
+        return bool(fields) and not any(inside) and not any(len(_surface(field, lower, upper)) for field in fields)
+    tips = np.linalg.norm(upper - lower) * np.multiply.outer((1e-2, 1e-4, 1e-6), SUPPORT[:6]).reshape(-1, 1, 3)
+    for field in fields:
+        beside = (tips + _surface(field, lower, upper)).reshape(-1, 3)
+        if np.any(field(np.concatenate([samples, beside])) < 0.0):
+            return False
+    return bool(fields)
 
 
 def _closer(fields: list[Field], lower: Points, upper: Points) -> tuple[Points, tuple[Points, Points]]:

@@ -193,6 +193,25 @@ def moved_otherwise(root: Node, doubted: bool = False) -> Iterator[Doubt]:
                 cure = f"{node.name} before what deforms or blends the solid"
         if wrong or not doubted:
             yield Doubt("plan", f"{what}: the surface {so}", cure, node.where)
+        yield from _false_walls(node)
+
+
+def _false_walls(node: Node) -> Iterator[Doubt]:
+    """Doubts about an offset or a shell that draws a face where its child has none: there the child's field is 0, as
+    where a tool ends flush with a face, or, from inside, where the parts of a union touch."""
+    (child,), (moved,) = node.children, node.params.values()
+    low, high = (float(end) for end in interval_of(moved))
+    inward, outward = (0.5 * high, 0.5 * high) if node.name == "shell" else (-low, high)
+    cut = flush_cut(child) if outward > 0.0 else None
+    if cut is None and outward > 0.0 and (short := short_tool(child, outward)) is not None:
+        cut = short[0]
+    if cut is not None:
+        what = f"{node.name} draws a wall over what {cut.name} cuts, at the end of a tool that is too short"
+        yield Doubt("plan", what, f"a tool that reaches more than {outward:.3g} beyond the face", node.where)
+    joined = next((n for n in all_nodes(child) if inward > 0.0 and touching(n)), None)
+    if joined is not None:
+        what = f"{node.name} draws a face inside the solid, where parts of {joined.name} touch"
+        yield Doubt("plan", what, f"parts that overlap by more than {2.0 * inward:.3g}", node.where)
 
 
 SHORT = 0.9
@@ -254,21 +273,27 @@ FLAT = 16.0
 def may_touch(root: Node) -> bool:
     """True if the field may fall to 0, or to the rounding of float32, where there is no surface.
 
-    A node of a tree cuts, or an exclusive or does: a face of the solid may be flush with one of the solid that cuts it.
+    A node of a tree cuts, or an exclusive or or the complement of a union does: a face of the solid may be flush with
+    one of the solid that cuts it.
     Or an uneven scale makes the field so flat that it is small far from the surface. False if some shape has no inside,
     as a `disc` of thickness 0: it is drawn where the field is 0.
     """
     nodes = all_nodes(root)
     shapes = [node.facts for node in nodes if not node.children and not node.facts.empty]
-    touching = any(n.definition.cuts or n.definition.touches for n in nodes)
+    touching = any(map(_leaves_faces, nodes))
     flat = any(map(_is_flat, nodes))
     return (touching or flat) and not any(np.any(f.lower >= f.upper) for f in shapes)
 
 
 def flush_cut(root: Node) -> Node | None:
     """A node of a tree that cuts and leaves a membrane of no thickness, found by points on it; None without one."""
-    cutting = [n for n in all_nodes(root) if n.definition.cuts or n.definition.touches]
+    cutting = [n for n in all_nodes(root) if _leaves_faces(n)]
     return next((node for node in cutting[:MEASURED] if node.dimension == 3 and _has_membrane(node)), None)
+
+
+def _leaves_faces(node: Node) -> bool:
+    """True if the field of a node may be 0 and positive on both sides, as where it cuts flush with a face."""
+    return node.definition.cuts or node.definition.touches or node.name == "complement"
 
 
 @remembered

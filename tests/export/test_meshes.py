@@ -354,3 +354,12 @@ def test_the_command_writes_a_mesh(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "scene.py:2: plane is unbounded" in capsys.readouterr().err and files(tmp_path) == {"scene.py"}
     assert run("export", scene, "-o", str(tmp_path / "made.stl"), "--cells", "16", "--box=-1,-1,-1:1,1,1") == 0
     assert files(tmp_path) == {"scene.py", "made.stl"}
+
+
+def test_a_mesh_far_from_the_origin_is_that_near_it() -> None:
+    """At 1e6 an ulp of float32 is a sixteenth: two cells here."""
+    for away in (0.0, 1e6 + 0.3):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            made = rm.triangulate(rm.sphere(1).translate((away, 0, 0)), cells=60)
+        assert made.area == pytest.approx(4 * math.pi, rel=1e-3) and made.deviation < 1e-3

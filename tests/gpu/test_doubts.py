@@ -306,3 +306,14 @@ def test_one_call_says_that_rays_ran_out_of_steps(samples):
     """The share and the cure, also where a pixel is the mean of several rays."""
     with pytest.warns(rm.RenderWarning, match=r"\d+\.\d% of the rays ran out of steps.*max_steps.*20 now"):
         rm.render(EXHAUSTED, size=(96, 60), samples=samples)
+
+
+def test_what_float32_rounds_is_said_of_solids_that_time_has_moved(renderer):
+    """The box of a solid that moves without end is known at a time."""
+    moving, there = rm.sphere(0.4).translate((rm.time, 0, 0)), rm.Camera((rm.time, 1, 4), (rm.time, 0, 0))
+    assert renderer.render(rm.Scene(moving, there), time=1e3).doubts() == []
+    (doubt,) = renderer.render(rm.Scene(moving, there), time=1e6).doubts()
+    assert "float32 holds points within" in doubt and "nearer the origin" in doubt
+    parallel = rm.Camera((0, 0, 1e6), (0, 0, 0), projection="orthographic", height=4)
+    (doubt,) = renderer.render(rm.Scene(rm.box(2), parallel)).doubts()
+    assert "a nearer camera, which shows the same" in doubt

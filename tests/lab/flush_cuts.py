@@ -79,6 +79,7 @@ CASES: dict[str, tuple[rm.Node, rm.Node, dict[str, object]]] = {
     "itself": (rm.sphere(20) - rm.sphere(20) | FLOOR, FLOOR, {}),
     "xor": (rm.box(PLATE) ^ rm.cylinder(8, 10), drilled(12), {}),
     "xor of itself": ((rm.sphere(20) ^ rm.sphere(20)) | FLOOR, FLOOR, {"lights": []}),
+    "complement of a union": ((rm.box(PLATE).complement() | rm.cylinder(8, 10)).complement(), drilled(12), {}),
     "touching": (rm.box(20) & rm.box(20).translate((20, 0, 0)) | FLOOR, FLOOR, {}),
     "smooth": (
         rm.difference(rm.box(PLATE), rm.cylinder(8, 10), k=0.5),

@@ -20,7 +20,10 @@ from tests.lab.flush_cuts import (
     shells,
 )
 
-SHORT = ("plate .001", "each far", "shadow", "mirror", "xor", "xor of itself", "touching glass", "endless glass cells")
+SHORT = (
+    *("plate .001", "each far", "shadow", "mirror", "xor", "xor of itself", "complement of a union"),
+    *("touching glass", "endless glass cells"),
+)
 AHEAD = ("extruded", "itself", "glass cells")
 ADVANCE = rm.Quality(tracer="advance")
 ALLOWED = 2

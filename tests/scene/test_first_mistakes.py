@@ -198,10 +198,21 @@ def test_an_endless_solid_that_is_narrow_is_seen_without_a_warning() -> None:
 
 
 def test_what_is_cut_away_is_said() -> None:
-    cut = vouch.nothing_visible(rm.Scene(BALL - rm.sphere(2)), Values({}, 0.0))
-    assert "nothing is left of the solid" in str(cut)
-    thin = vouch.nothing_visible(rm.Scene(rm.box((1e6, 1, 1))), Values({}, 0.0))
-    assert "thinner than a pixel" in str(thin)
+    def said(scene: rm.Scene, **values: float) -> str:
+        return str(vouch.nothing_visible(scene, Values(values), (scene.pose(Values(values)), (64, 40))))
+
+    cube, shrink = rm.box(1), rm.Param("shrink", 0.0, 0.0, 0.49)
+    nothing = (BALL - rm.sphere(2), cube - cube, cube ^ cube, cube & cube.translate((1, 0, 0)))
+    for node in (*nothing, rm.morph(rm.torus(1, 0.2), rm.box((0.2, 3, 0.2)))):
+        assert "nothing is left of the solid" in said(rm.Scene(node)), node
+    inset = rm.Scene(rm.box(1).offset(-shrink) - rm.sphere(0.1))
+    assert "nothing is left" in said(inset, shrink=0.45) and "nothing is left" not in said(inset, shrink=0.1)
+    thin = (cube & cube.translate((0.9999, 0, 0)), rm.sphere(1) - rm.sphere(0.9999), rm.box((1e6, 1, 1)))
+    for node in thin:
+        assert "thinner than a pixel" in said(rm.Scene(node)), node
+    wide = rm.Camera((0, 0, 5), (0, 0, 0), projection="orthographic", height=1e4)
+    assert "thinner than a pixel" in said(rm.Scene(cube, wide))
+    assert "another target" in said(rm.Scene(cube, rm.Camera((0, 0, 5), (9, 0, 0))))
 
 
 def test_a_picture_of_one_color_is_one() -> None:

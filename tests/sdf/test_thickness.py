@@ -121,3 +121,27 @@ def test_the_axis_of_a_revolved_outline_is_no_surface() -> None:
     flat = rm.implicit(lambda p: p.y * p.y * p.y, bounds=((-1, -1, -1), (1, 1, 1)))
     low, _ = slopes_at_surface(flat) or (1.0, 1.0)
     assert low < 1e-2  # a surface that is flat is one all the same
+
+
+POCKET, CUBE = rm.box((0.5, 0.25, 0.5)), rm.box(1)
+ROOM = rm.box((1, 0.5, 1))
+
+
+@pytest.mark.parametrize(
+    "node, said",
+    [
+        ((ROOM - POCKET.translate((0, 0.125, 0))).round(0.01), "draws a wall over what difference cuts"),
+        ((ROOM - POCKET.translate((0, 0.13, 0))).shell(0.02), "draws a wall over what difference cuts"),
+        ((ROOM - POCKET.translate((0, 0.14, 0))).shell(0.02), ""),
+        ((ROOM - POCKET.translate((0, 0.125, 0))).offset(-0.01), ""),
+        ((CUBE | CUBE.translate((1, 0, 0))).offset(-0.01), "where parts of union touch"),
+        ((CUBE | CUBE.translate((1, 0, 0))).rotate(0.4).shell(0.01), "where parts of union touch"),
+        (CUBE.repeat(1, 2).offset(-0.01), "where parts of repeat touch"),
+        ((CUBE | CUBE.translate((0.9, 0, 0))).offset(-0.01), ""),
+        ((CUBE | CUBE.translate((1, 0, 0))).round(0.01), ""),
+    ],
+)
+def test_walls_that_an_offset_makes_of_faces_that_are_not_drawn(node: Node, said: str) -> None:
+    """Along a line: the field of the tool's end, or of the face between two solids, is 0, and moves too."""
+    doubts = [str(doubt) for doubt in moved_otherwise(node, doubted=True)]
+    assert (len(doubts) == 1 and said in doubts[0]) if said else not doubts
