@@ -211,7 +211,8 @@ def _mesh(
     while True:
         made = surface.surface_of(scene, values, count, corners, progress)
         whole, empty = not len(made.missed), not len(made.faces)
-        wanted = (cells is None and empty) if most is None else made.deviation > most or not whole
+        hidden = cells is None and empty and not (whole and scene.node.exactness != "estimate")  # in no cell's corner
+        wanted = hidden if most is None else not (empty and whole) and (made.deviation > most or not whole)
         if not wanted or count >= LAST:
             break
         grown = np.clip(made.deviation / most, 1.25, 2.0) if most is not None and whole else 2.0
@@ -226,7 +227,9 @@ def _check_mesh(what: str, made: Surface, cells: int, tolerance: float | None, w
     if not len(made.faces):
         text = f"{what}: the mesh is empty: no point of the grid of {cells} cells lies inside the solid"
         more = f", which is thinner than a cell, {made.cell:.3g}" if thin else ""
-        raise SceneError(text + more, legal="a solid in the box, or more cells", where=where)
+        raise SceneError(
+            text + more, legal=f"a solid in the box, or {'more cells' if thin else 'a smaller cut'}", where=where
+        )
     if thin:
         at = ", ".join(f"{x:.4g}" for x in made.missed[len(made.missed) // 2])
         text = (

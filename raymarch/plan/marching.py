@@ -16,7 +16,7 @@ from raymarch.expr.operations import operations as count_operations
 from raymarch.expr.operations import reads as count_reads
 from raymarch.prices import SAVED, SAVED_BESIDE, SAVED_FAR, STANDARD, Prices
 from raymarch.scene.quality import Quality
-from raymarch.scene.reading import passes_zeros
+from raymarch.scene.reading import passes_zeros, touching_glass
 from raymarch.scene.scene import Scene
 from raymarch.scene.tracer import OwnTracer
 from raymarch.sdf.advance import DEEPEST, OnlyDistance, implicit_nodes, readable, steepest_slopes
@@ -188,6 +188,11 @@ def cut(scene: Scene) -> bool:
     """True if a hit needs a sample beyond the surface: a cut, or glass solids that touch, may leave a membrane of no
     thickness."""
     return scene.quality.refinement == "proven" and refined(scene) and passes_zeros(scene, scene.node)
+
+
+def stands(scene: Scene) -> bool:
+    """True if glass touches what is no glass: rays in glass end at such a face, although the field is 0 there."""
+    return cut(scene) and False in touching_glass(scene, scene.node)
 
 
 def clipped(scene: Scene) -> bool:

@@ -122,6 +122,7 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
             "SAMPLES": self.scene.quality.samples > 1,
             "SHOWS": bool(lights.visible(self.scene)),
             "STANDALONE": self.standalone,
+            "STANDS": marching.stands(self.scene),
             "STRETCH": self.stretched,
             "ESTIMATE": not self.certified,
             "HALVED": self._halves,

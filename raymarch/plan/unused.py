@@ -163,12 +163,14 @@ def _inside_glass(scene: Scene) -> Iterator[Doubt]:
     for operands in _unions(scene.node):
         labels = [seen_labels(solid) or {label} for solid, label in operands]
         lower, upper = (np.array(ends) for ends in zip(*(solid.bounds for solid, _ in operands), strict=True))
+        clear = np.array([all(isinstance(m, Material) and m.transmits for m in made_of) for made_of in labels])
         for i, made_of in enumerate(labels):
-            if all(isinstance(m, Material) and m.transmits for m in made_of):
-                for j in np.nonzero(np.all((lower[i] <= lower) & (upper <= upper[i]), axis=1))[0]:
+            if clear[i]:
+                held = np.all((lower[i] <= lower) & (upper <= upper[i]), axis=1)
+                near = np.nonzero(held | ~clear & np.all((lower[i] < upper) & (lower < upper[i]), axis=1))[0]
+                for j in [j for j in near.tolist() if not labels[j] <= made_of][:OVERLAPS]:
                     solid = operands[j][0]
-                    if not labels[j] <= made_of and _lies_inside(solid, operands[i][0]):
-                        hidden = "a solid lies inside glass, in a union with it, and is not visible"
+                    if hidden := _hidden(solid, operands[i][0]):
                         yield _doubt(hidden, "(glass - solid) | solid, with a film of air between them", solid)
 
 
@@ -189,14 +191,25 @@ def _unions(root: Node) -> Iterator[list[tuple[Node, Any]]]:
         pending += children
 
 
-def _lies_inside(solid: Node, other: Node) -> bool:
-    """True if all of some points of a bounded solid are inside of another, at the defaults of their parameters."""
-    if not solid.facts.bounded:
-        return False
-    low, high = solid.bounds
-    points = low + (high - low) * np.random.default_rng(1).uniform(size=(256, 3))
-    points = points[solid.distance(points) < 0.0]
-    return bool(len(points) and np.all(other.distance(points) < 0.0))
+OVERLAPS = 64
+"""Solids beside a glass that are asked whether they reach into it."""
+
+
+def _hidden(solid: Node, glass: Node) -> str:
+    """What a union of a solid with glass hides; empty if the solid is nowhere deeper in the glass than a thousandth of
+    their common box. Points in boxes tell, at the defaults of parameters."""
+    low, high = np.maximum(solid.bounds[0], glass.bounds[0]), np.minimum(solid.bounds[1], glass.bounds[1])
+    if not np.all(np.isfinite([low, high])):
+        return ""
+    unit, deep = np.random.default_rng(1).uniform(size=(1024, 3)), 1e-3 * float(np.linalg.norm(high - low))
+    points = low + (high - low) * unit
+    if not np.any(np.maximum(solid.distance(points), glass.distance(points)) < -deep):
+        return ""
+    if solid.facts.bounded:
+        points = solid.bounds[0] + (solid.bounds[1] - solid.bounds[0]) * unit
+        if np.all(glass.distance(points[solid.distance(points) < 0.0]) < 0.0):
+            return "a solid lies inside glass, in a union with it, and is not visible"
+    return "a solid reaches into glass, in a union with it, and is not visible there"
 
 
 RULES: tuple[Callable[[Scene], Iterator[Doubt]], ...] = (

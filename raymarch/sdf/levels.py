@@ -194,6 +194,9 @@ def moved_otherwise(root: Node, doubted: bool = False) -> Iterator[Doubt]:
         if wrong or not doubted:
             yield Doubt("plan", f"{what}: the surface {so}", cure, node.where)
         yield from _false_walls(node)
+    if (sheet := _without_inside(root)) is not None and (cut := flush_cut(root)) is not None:
+        what = f"{cut.name} cuts flush with a face, and leaves a membrane there, which is drawn as {sheet.name} is"
+        yield Doubt("plan", what, f"a tool that reaches beyond the face, or a thickness of {sheet.name}", cut.where)
 
 
 def _false_walls(node: Node) -> Iterator[Doubt]:
@@ -279,10 +282,13 @@ def may_touch(root: Node) -> bool:
     as a `disc` of thickness 0: it is drawn where the field is 0.
     """
     nodes = all_nodes(root)
-    shapes = [node.facts for node in nodes if not node.children and not node.facts.empty]
-    touching = any(map(_leaves_faces, nodes))
-    flat = any(map(_is_flat, nodes))
-    return (touching or flat) and not any(np.any(f.lower >= f.upper) for f in shapes)
+    return (any(map(_leaves_faces, nodes)) or any(map(_is_flat, nodes))) and _without_inside(root) is None
+
+
+def _without_inside(root: Node) -> Node | None:
+    """A shape of a tree that has no inside, as a disc of thickness 0; None without one."""
+    shapes = [node for node in all_nodes(root) if not node.children and not node.facts.empty]
+    return next((node for node in shapes if np.any(node.facts.lower >= node.facts.upper)), None)
 
 
 def flush_cut(root: Node) -> Node | None:

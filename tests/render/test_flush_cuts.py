@@ -16,6 +16,7 @@ from tests.lab.flush_cuts import (
     PIXEL,
     camera,
     differences,
+    drilled,
     random_case,
     shells,
 )
@@ -110,3 +111,35 @@ def test_glass_that_stands_on_a_floor_shows_the_floor() -> None:
         made = plan(rm.Scene(node, camera(), **ALL_GLASS))
         assert ("CUTS" in made.variants) == cuts
         assert any("glass solids touch" in doubt for doubt in made.warnings) == doubted
+
+
+TILE = rm.Material(color=(0.8, 0.5, 0.3))
+PEARL = rm.sphere(6).material(rm.Material(color=(0.9, 0.2, 0.1)))
+
+
+@pytest.mark.parametrize(
+    "name, integrator",
+    [
+        ("a cut elsewhere", "whitted"),
+        ("a cut elsewhere", "path"),
+        ("a pearl", "whitted"),
+        ("a sunken block", "whitted"),
+    ],
+)
+def test_rays_in_glass_see_what_it_touches(name: str, integrator: str, small: rm.Renderer) -> None:
+    """As with a gap of a five hundredth of a pixel. A cut leaves faces that are none; these are surfaces."""
+    ball, block = rm.sphere(14).material(GLASS), rm.box(20).material(GLASS)
+    tile, drill = rm.plane(offset=-10).material(TILE), drilled().translate((0, 0, -60))
+    deeper = rm.plane(offset=-9).material(TILE)
+    touching, apart = {
+        "a cut elsewhere": (block | tile | drill, block | rm.plane(offset=-10.001).material(TILE) | drill),
+        "a pearl": ((ball - PEARL) | PEARL, (ball - rm.sphere(6.001)) | PEARL),
+        "a sunken block": ((block - deeper) | deeper, (block - rm.plane(offset=-8.999)) | deeper),
+    }[name]
+    quality = rm.Quality(integrator=integrator, samples=16 if integrator == "path" else 1)
+    seen, wanted = (
+        small.render(rm.Scene(node, camera(), lights=[rm.Sun()], bounces=4, quality=quality)).color
+        for node in (touching, apart)
+    )
+    noise = 0.01 if integrator == "path" else 1e-3
+    assert np.all(np.abs(np.mean(seen - wanted, axis=(0, 1))) < noise)

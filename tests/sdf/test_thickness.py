@@ -139,6 +139,9 @@ ROOM = rm.box((1, 0.5, 1))
         (CUBE.repeat(1, 2).offset(-0.01), "where parts of repeat touch"),
         ((CUBE | CUBE.translate((0.9, 0, 0))).offset(-0.01), ""),
         ((CUBE | CUBE.translate((1, 0, 0))).round(0.01), ""),
+        ((ROOM - POCKET.translate((0, 0.125, 0))) | rm.disc(1, 0), "a membrane there, which is drawn as disc is"),
+        ((ROOM - POCKET.translate((0, 0.2, 0))) | rm.disc(1, 0), ""),
+        ((ROOM - POCKET.translate((0, 0.125, 0))) | rm.disc(1, 0.1), ""),
     ],
 )
 def test_walls_that_an_offset_makes_of_faces_that_are_not_drawn(node: Node, said: str) -> None:

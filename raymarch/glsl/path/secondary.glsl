@@ -94,6 +94,9 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
 #else
         bool unproven = empty && near && r >= -noise;
 #endif
+#ifdef STANDS
+        unproven = unproven && !inside;  // the face of what glass stands on is a surface
+#endif
         if (unproven && (first || r < at.r)) {
 #ifdef ADVANCE
             doubt_ahead(at, t, known ? slope : -1.0, rate, noise);
