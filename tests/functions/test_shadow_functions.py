@@ -319,7 +319,7 @@ def test_how_far_seven_rays_are_too_few_is_that_of_the_truth(egl: Context) -> No
     np.testing.assert_allclose(found, _few(middle, off, total, sided), atol=1e-5)
 
 
-@pytest.mark.parametrize("kind", ["light/cone", "light/two_sided"])
+@pytest.mark.parametrize("kind", SOFT)
 def test_the_widest_disc_is_a_disc(egl: Context, kind: str) -> None:
     """A sine of 1 is taken for 0.999."""
     wall = "p.x + 0.5"

@@ -94,12 +94,11 @@ float hard_shadow(Surface surface, Light light) {
         move(at, empty, t, r, known ? slope : at.derivative);
 #else
         if (r <= min(near + GROWTH * t, 0.015625 * (end - t)) && t < end) return 0.0;
-        bool known = z > 0.0 && i > 0;
-        slope = known ? (r - at.r) / z : 0.0;
+        slope = z > 0.0 && i > 0 ? (r - at.r) / z : at.derivative;
 #ifdef ADVANCE
-        move(at, z <= proven + way_behind, t, r, known ? slope : at.derivative);
+        move(at, z <= proven + way_behind, t, r, slope);
 #else
-        move(at, z <= proven + abs(r), t, r, known ? slope : at.derivative);
+        move(at, z <= proven + abs(r), t, r, slope);
 #endif
 #endif
     }

@@ -64,11 +64,11 @@ vec2 least_between(Ray ray, vec2 a, vec2 b, vec2 c) {
         float move = 0.5 * (before * (c.x - b.x) - after * (b.x - a.x)) / max((before + after), 1.0e-20);
         if (bend * move * move < 0.005 && max(b.x - a.x, c.x - b.x) * max(before, after) < 0.06) return b;
         if ((i & 1) == 1) {  // where lines of the steeper slope meet, as beside a thin sheet
-            move = 0.5 * (c.x + a.x + (edge_ratio(a) - edge_ratio(c)) / max(max(before, after), 1.0e-20)) - b.x;
+            move = 0.5 * (c.x + a.x + (edge_ratio(a) - edge_ratio(c)) / max(before, after)) - b.x;
         }
         float side = c.x - b.x > b.x - a.x ? c.x - b.x : a.x - b.x;
         bool small = abs(move) < 0.1 * abs(side);
-        float t = b.x + (small ? 0.25 * side : clamp(move, 0.9 * (a.x - b.x), 0.9 * (c.x - b.x)));
+        float t = b.x + (small ? 0.25 * side : move);  // at most half of a side, as b is the least
         vec2 found = vec2(t, edge_distance(ray, t));
         bool lower = edge_ratio(found) < middle;
         if (t < b.x) {
