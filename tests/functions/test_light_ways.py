@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raymarch.expr.types import VEC4
+from raymarch.expr.types import FLOAT, VEC4
 from raymarch.gpu.context import Context
 from tests.functions.profiles import FIELD, FREE, Profiles
-from tests.support.glsl_harness import modules, run_all
+from tests.support.glsl_harness import modules, run, run_all
 
 COUNT, FAR, PIXEL = 1500, 4.0, 0.002
 BEFORE = """
@@ -168,6 +169,21 @@ def met(given: NDArray[np.float32]) -> NDArray[np.float64]:
     return np.where(inner > 0, z - np.sqrt(np.maximum(inner, 0)), np.inf).min(axis=0)
 
 
+@cache
+def seen_of_disc() -> NDArray[np.float64]:
+    """The share of a light's disc that no ball hides before its distance, by 200 rays to a spiral over the disc."""
+    i = np.arange(200)
+    far, turn = np.sqrt((i + 0.5) / 200), 2.399963 * i
+    sine = widths()[:, None] * far
+    ways = np.stack([sine * np.cos(turn), sine * np.sin(turn), np.sqrt(1 - sine * sine)], axis=2)
+    free = np.ones(sine.shape, bool)
+    for ball in balls().astype(float):
+        along = np.einsum("nd,nkd->nk", ball[:, :3], ways)
+        inner = ball[:, 3:] ** 2 - np.sum(ball[:, :3] ** 2, axis=1)[:, None] + along**2
+        free &= (inner < 0) | (along - np.sqrt(np.maximum(inner, 0)) > FAR)
+    return free.mean(axis=1)
+
+
 LIT = """
 vec4 lit(vec4 x, vec4 y, vec4 z, vec4 more) {
     a = x;
@@ -198,6 +214,8 @@ PRICES = {
     ("path/secondary", "ADVANCE"): (1.5840, -0.148425),
     ("path/secondary", "CUTS"): (20.9993, -0.148425),
     ("path/secondary", "ADVANCE CUTS"): (1.8267, -0.148425),
+    ("light/two_sided", ""): (102.3087, 0.777343),
+    ("light/two_sided", "AHEAD"): (47.4613, 0.778037),
     ("light/triangulated", ""): (21.3160, 0.253057),
     ("light/triangulated", "AHEAD"): (6.7007, 0.256243),
     ("light/triangulated", "HALVED"): (25.9913, 0.251916),
@@ -207,9 +225,10 @@ PRICES = {
 
 def lit(egl: Context, kind: str, known: str, begin: float = 0.0) -> NDArray[np.float64]:
     """The share of the light, or where a ray ends; and evaluations. begin : of the scene's box."""
-    shadow = "hard_shadow(surface, light)" if kind == "light/shadow" else "triangulated_shadow(surface, light, more.x)"
+    name = kind.removeprefix("light/")
+    shadow = "hard_shadow(surface, light)" if name == "shadow" else f"{name}_shadow(surface, light, more.x)"
     after = SECOND if kind == "path/secondary" else LIT.replace("SHADOW", shadow)
-    more = np.column_stack([widths() if kind == "light/triangulated" else np.ones(COUNT), np.full(COUNT, FAR)])
+    more = np.column_stack([widths() if name in ("triangulated", "two_sided") else np.ones(COUNT), np.full(COUNT, FAR)])
     more = np.column_stack([more, 0 * more])
     made = text(kind, after, frozenset(known.split()))
     made = made.replace("vec2(range.x, min(range.y, 4.0))", f"vec2(max(range.x, {begin}), min(range.y, 4.0))")
@@ -235,6 +254,9 @@ def test_a_ray_meets_the_balls_that_are_in_its_way(egl: Context, kind: str, know
         hit = sure & (share >= 0)
         np.testing.assert_allclose(share[hit], end[hit], rtol=3e-4)
         assert np.all(residual >= 0)
+    elif kind == "light/two_sided":
+        off = share - seen_of_disc()
+        assert np.mean(np.abs(off)) < 0.025 and np.quantile(np.abs(off), 0.99) < 0.3
     else:
         cone = np.minimum(free_cone(balls(), 0.9 * FAR) / widths(), 1)
         assert np.all((share >= 0) & (share <= 1)) and not share[end < FAR - 0.01].any()
@@ -322,3 +344,37 @@ def test_rays_from_a_surface_pass_membranes_and_meet_sheets(egl: Context, kind: 
     wrong = sure & (missed != (end > FAR))
     assert np.mean(wrong) <= 0.002, np.flatnonzero(wrong)
     assert np.mean(found[:, 1]) == pytest.approx(SHEETS[kind, known], rel=1e-4)
+
+
+def test_a_light_at_the_surface_itself_has_a_direction_that_is_finite(egl: Context) -> None:
+    after = """
+    vec4 aimed(vec4 far) {
+        vec2 range;
+        float first;
+        Surface surface = Surface(vec3(0.0), vec3(0.0, 0.0, 1.0), 1.0);
+        Ray ray = shadow_ray(surface, Light(vec3(0.0, 0.0, 1.0), far.x, vec3(1.0)), range, first);
+        return vec4(ray.direction, range.x - first);
+    }"""
+    far = np.zeros((3, 4))
+    far[:, 0] = (0.0, 1e-20, 1.0)
+    (found,) = run_all(egl, text("light/shadow", after), [("aimed({0})", 4)], [(VEC4, far)], UNIFORMS)
+    assert np.all(np.isfinite(found)) and np.all(found[:, 3] <= 0)
+    np.testing.assert_array_equal(found[0, :3], 0.0)
+    np.testing.assert_array_equal(found[2, :3], [0, 0, 1])
+
+
+def test_from_inside_a_solid_only_the_distance_is_known_ahead(egl: Context) -> None:
+    ray = "Ray(vec3(0.0, 0.0, 2.0), vec3(0.0, 0.0, 1.0))"
+    after = f"vec4 known(vec4 x) {{ a = b = c = x; return vec4(free_ahead({ray}, 0.0, 0.1), 0.0, 0.0); }}"
+    given = [(VEC4, [(0.0, 0.0, 2.0, 0.5)])]
+    for side, far in ((1.0, -0.5), (-1.0, 0.5)):
+        made = text("light/clearance", after, frozenset({"AHEAD"}))
+        (found,) = run_all(egl, made, [("known({0})", 4)], given, {**UNIFORMS, "u_side": side})
+        np.testing.assert_allclose(found[0, :2], [far, -0.5 if side > 0 else 0.0], rtol=1e-5)
+
+
+def test_an_edge_beyond_a_disc_leaves_all_or_nothing(egl: Context) -> None:
+    edge = np.array([-2.0, -1.0 - 1e-6, -1.0, -0.5, 0.0, 0.5, 1.0, 1.0 + 1e-6, 2.0])
+    c = np.clip(edge, -1, 1)
+    found = run(egl, modules("light/beside_edge"), "beside_edge({0})", [(FLOAT, edge)])
+    np.testing.assert_allclose(found, 0.5 + (c * np.sqrt(1 - c * c) + np.arcsin(c)) / np.pi, atol=1e-3)

@@ -269,6 +269,19 @@ def test_an_orbit_begins_where_the_camera_is(egl: Context) -> None:
     assert np.max(off) < 2e-3  # asin is the driver's own
 
 
+def test_an_orbit_ends_just_before_the_axis(egl: Context) -> None:
+    """However far the pointer is moved, the camera sees its target with the axis upwards."""
+    text = modules("view/pose").replace("uniform vec3 u_orbit;", "vec3 u_orbit;")
+    after = "vec3 placed(vec3 orbit) { u_orbit = orbit; place_camera(vec3(2.0, 0.0, 0.0), vec3(0.0),"
+    after += " vec3(0.0, 0.0, 1.0));"
+    after += " return u_camera_position; }"
+    moved = np.array([0.5, 1.5, 3.0, -1.5, -3.0])
+    orbits = np.column_stack([0 * moved, moved, 0 * moved])
+    found = run(egl, text + after, "placed({0})", [(VEC3, orbits)], 3, {"u_pan": (0.0, 0.0)})
+    known = np.clip(moved, -1.55, 1.55)
+    np.testing.assert_allclose(found, 2 * np.column_stack([np.cos(known), 0 * known, np.sin(known)]), atol=1e-5)
+
+
 @pytest.mark.parametrize("samples", [0, 3])
 def test_a_picture_is_black_where_no_light_is_finite_and_never_below_or_above_its_range(
     egl: Context, samples: int

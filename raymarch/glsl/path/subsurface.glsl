@@ -2,7 +2,7 @@
 vec3 random_direction(int dimension) {
     float z = 2.0 * random_of_pixel(dimension) - 1.0;
     float turn = 6.2831853 * random_of_pixel(dimension + 1);
-    return vec3(sqrt(max(1.0 - z * z, 0.0)) * vec2(cos(turn), sin(turn)), z);
+    return vec3(sqrt(1.0 - z * z) * vec2(cos(turn), sin(turn)), z);
 }
 
 // Most scatterings and leaps of a walk. On average a walk in a white medium takes 15 to 20.
