@@ -15,6 +15,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from itertools import compress
 
 from raymarch import glsl
 from raymarch.shader.chunk import Mapped
@@ -23,7 +24,9 @@ _SETS = frozenset(("=", "+=", "-=", "*=", "/="))
 _CHANGES = _SETS | {"++", "--"}
 _INTERFACE = frozenset(("uniform", "in", "out", "layout", "precision"))
 _BEGINS = frozenset((";", "{", "}"))
-_OPEN, _CLOSE = "([{", ")]}"
+_AFTER_NAMES = frozenset(("=", ";", "[", ","))
+_OPEN, _CLOSE = frozenset("([{"), frozenset(")]}")
+_BRACKETS = _OPEN | _CLOSE
 
 Span = tuple[int, int]
 """The first word of some, and the one after the last."""
@@ -54,14 +57,16 @@ def _shape(line: str) -> tuple[str, ...]:
     return tuple(["0" if word.lstrip(".")[:1].isdigit() else word for word in words])
 
 
-@lru_cache(16)
+@lru_cache(256)
 def _unread(lines: tuple[tuple[str, ...], ...], roots: frozenset[str]) -> tuple[frozenset[int], ...]:
     """Which words of each line of a text are never read."""
     words = [word for line in lines for word in line]
     left = list(range(len(words)))
-    while spans := _Words([words[i] for i in left], roots).unread():
-        out = {i for span in spans for i in range(*span)}
-        left = [word for i, word in enumerate(left) if i not in out]
+    while spans := _Words(words, roots).unread():
+        stay = bytearray(b"\1") * len(words)
+        for first, last in spans:
+            stay[first:last] = bytes(last - first)
+        left, words = list(compress(left, stay)), list(compress(words, stay))
     kept, begin, found = set(left), 0, []
     for line in lines:
         found.append(frozenset(i for i in range(len(line)) if begin + i not in kept))
@@ -78,6 +83,57 @@ def _without(line: str, left_out: frozenset[int]) -> str:
         at = max(at, places[i] + len(words[i]))
         at += len(line[at:]) - len(line[at:].lstrip(" "))
     return (text + line[at:]).rstrip()
+
+
+@dataclass(frozen=True, slots=True)
+class _Body:
+    """What the words of a function's body say by themselves; places count from its first word.
+
+    uses : how often each word occurs. called : the names before a round bracket.
+    declared : the places of the names that follow a type. own : these names, and what else a declaration lists.
+    changed : the variable before each change and, of ++ and --, the word after it.
+    members : the places of what follows a dot. read : what is used otherwise than to declare or to set it.
+    """
+
+    uses: Counter[str]
+    called: frozenset[str]
+    declared: tuple[int, ...]
+    own: frozenset[str]
+    changed: frozenset[tuple[str, str]]
+    members: tuple[int, ...]
+    read: frozenset[str]
+
+
+@lru_cache(4096)
+def _body(words: tuple[str, ...]) -> _Body:
+    """Most functions of a text are those of other texts, and stay while others lose words."""
+    declared: list[int] = []
+    own, changed, called, read = set[str](), set[tuple[str, str]](), set[str](), set[str]()
+    opened, opens = list[int](), dict[int, int]()
+    for i, word in enumerate(words[:-1]):
+        after = words[i + 1]
+        if word in _OPEN:
+            opened.append(i)
+            if word == "(" and words[i - 1].isidentifier():
+                called.add(words[i - 1])
+        elif word in _CLOSE:
+            opens[i] = opened.pop()
+        elif word in _CHANGES:
+            first = i - 1
+            while words[first] in _CLOSE or words[first - 1] == "." or words[first] == ".":
+                first = opens[first] - 1 if words[first] in _CLOSE else first - 1
+            changed.add((words[first], after if word in ("++", "--") else ""))
+        elif after in _AFTER_NAMES and word.isidentifier():
+            if glsl.is_type(words[i - 1]):
+                declared.append(i)
+                own.add(word)
+            elif after == "=" and words[i - 1] == ",":
+                own.add(word)
+        if after not in _SETS and words[i - 1] != "." and not (after == ";" and declared[-1:] == [i]):
+            read.add(word)
+    members = tuple([i + 1 for i, word in enumerate(words) if word == "."])
+    found = frozenset(called), tuple(declared), frozenset(own), frozenset(changed), members, frozenset(read)
+    return _Body(Counter(words), *found)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,10 +165,10 @@ class _Words:
         """Where each bracket closes."""
         self.closes: dict[int, int] = {}
         opened: list[int] = []
-        for i, word in enumerate(self.words):
-            if word in _OPEN:
+        for i in [i for i, word in enumerate(self.words) if word in _BRACKETS]:
+            if self.words[i] in _OPEN:
                 opened.append(i)
-            elif word in _CLOSE:
+            else:
                 self.closes[opened.pop()] = i
 
     def _declare(self) -> None:
@@ -173,9 +229,11 @@ class _Words:
     def _sites(self) -> dict[str, list[int]]:
         """The words at which functions and structs are called or declared, by name: of the opening brackets."""
         found: dict[str, list[int]] = defaultdict(list)
-        for i in range(1, len(self.words)):
+        for i in self.closes:
             if self.words[i] == "(" and self.words[i - 1].isidentifier():
                 found[self.words[i - 1]].append(i)
+        for places in found.values():
+            places.sort()
         return found
 
     def _is_pure(self, span: Span) -> bool:
@@ -192,32 +250,18 @@ class _Words:
     def _pure(self) -> set[str]:
         """The functions that change nothing but their own variables, and call only such."""
         impure = {each.name for each in self.functions if not self._changes_only_its_own(each)}
-        calls = [(each.name, self._called(each.body)) for each in self.functions]
+        calls = [(each.name, self._of_body(each).called - self._types) for each in self.functions]
         pure = {each.name for each in self.functions} - impure
         while more := {name for name, called in calls if name in pure and not called <= pure}:
             pure -= more
         return pure
 
     def _changes_only_its_own(self, function: _Defined) -> bool:
-        words, own = self.words, {name for _, name, _ in function.given}
         if function.body[0] == function.body[1] or any(word in ("out", "inout") for word, *_ in function.given):
             return False
-        for i in range(function.body[0] + 1, function.body[1] - 1):
-            declared = words[i + 1] in ("=", ";", "[", ",") and glsl.is_type(words[i - 1])
-            if words[i].isidentifier() and (declared or (words[i - 1] == "," and words[i + 1] == "=")):
-                own.add(words[i])
-        for i in range(*function.body):
-            if words[i] in _CHANGES:
-                first = i - 1
-                while words[first] in _CLOSE or words[first - 1] == "." or words[first] == ".":
-                    first = self._opens[first] - 1 if words[first] in _CLOSE else first - 1
-                if words[first] not in own and not (words[i] in ("++", "--") and words[i + 1] in own):
-                    return False
-        return True
-
-    @cached_property
-    def _opens(self) -> dict[int, int]:
-        return {close: opened for opened, close in self.closes.items()}
+        body = self._of_body(function)
+        own = body.own.union([name for _, name, _ in function.given])
+        return all(before in own or after in own for before, after in body.changed)
 
     def unread(self) -> list[Span]:
         """What is never read, to be taken out at once."""
@@ -256,8 +300,10 @@ class _Words:
                 if len(statements) == len(places):
                     dead[of] = statements
         for struct, fields in self.structs.items():
-            calls = [self._split(site) for site in self._sites[struct]]
             chosen = {i for i, (name, _) in enumerate(fields) if (struct, name) in dead}
+            if not chosen:
+                continue
+            calls = [self._split(site) for site in self._sites[struct]]
             chosen = {i for i in chosen if all(self._is_pure(call[i]) for call in calls)}
             if len(chosen) == len(fields) or struct in self.roots:
                 continue
@@ -275,35 +321,34 @@ class _Words:
             for name, _ in fields:
                 owners[name].append(struct)
         uses: dict[tuple[str, str], list[int]] = {(of, name): [] for name, those in owners.items() for of in those}
-        for first, last, types in [*self._bodies(), *self._between()]:
-            for i in range(first + 1, last):
-                if words[i - 1] == "." and words[i] in owners:
+        for places, types in [*self._bodies(), (self._between(), {})]:
+            for i in places:
+                if words[i] in owners:
                     of = types.get(words[i - 2]) if words[i - 3] != "." else None
                     for struct in owners[words[i]] if of is None else (of,):
                         if (struct, words[i]) in uses:
                             uses[struct, words[i]].append(i)
         return uses
 
-    def _bodies(self) -> Iterator[tuple[int, int, dict[str, str | None]]]:
-        """The words of each function's body, and the struct of each of its variables, None for several types."""
+    def _bodies(self) -> Iterator[tuple[list[int], dict[str, str | None]]]:
+        """The words behind dots in each function's body, and the struct of each of its variables, None for several
+        types."""
         words = self.words
         for function in self.functions:
             types: dict[str, str | None] = {}
+            body, first = self._of_body(function), function.body[0]
             named = [(words[last - 2], name) for _, name, (_, last) in function.given if words[last - 1] == name]
-            for i in range(function.body[0] + 1, function.body[1] - 1):
-                if words[i + 1] in ("=", ";", "[", ",") and words[i].isidentifier() and glsl.is_type(words[i - 1]):
-                    named.append((words[i - 1], words[i]))
+            named += [(words[first + i - 1], words[first + i]) for i in body.declared]
             for type, name in named:
                 types[name] = type if types.get(name, type) == type else None
-            yield *function.body, {name: type if type in self.structs else None for name, type in types.items()}
+            structs = {name: type if type in self.structs else None for name, type in types.items()}
+            yield [first + i for i in body.members], structs
 
-    def _between(self) -> Iterator[tuple[int, int, dict[str, str | None]]]:
-        """The words outside of functions."""
-        at = 0
-        for function in self.functions:
-            yield at, function.body[0], {}
-            at = function.body[1]
-        yield at, len(self.words), {}
+    def _between(self) -> list[int]:
+        """The words behind dots outside of functions."""
+        ends = [0, *(end for function in self.functions for end in function.body), len(self.words)]
+        spans = zip(ends[::2], ends[1::2], strict=True)
+        return [i for first, last in spans for i in range(first + 1, last) if self.words[i - 1] == "."]
 
     def _parameters(self) -> Iterator[Span]:
         by_name: dict[str, list[_Defined]] = defaultdict(list)
@@ -312,31 +357,31 @@ class _Words:
         for name, definitions in by_name.items():
             if name in self.roots:
                 continue
+            chosen = set.intersection(*map(self._unused, definitions))
+            if not chosen or len({len(each.given) for each in definitions}) != 1:
+                continue
             heads = {each.head[1] for each in definitions}
             calls = [self._split(i) for i in self._sites[name] if self.closes[i] + 1 not in heads]
             given = [[span for *_, span in each.given] for each in definitions]
-            if len({len(spans) for spans in (*given, *calls)}) != 1:
+            if any(len(spans) != len(given[0]) for spans in calls):
                 continue
-            chosen = {
-                i
-                for i in range(len(given[0]))
-                if all(self._unused(each, i) for each in definitions) and all(self._is_pure(c[i]) for c in calls)
-            }
+            chosen = {i for i in chosen if all(self._is_pure(call[i]) for call in calls)}
             for spans in (*given, *calls):
                 yield from _left_out(spans, chosen)
 
-    def _unused(self, function: _Defined, index: int) -> bool:
-        qualifier, name, _ = function.given[index]
-        return qualifier not in ("out", "inout") and name not in self._of_body(function)
+    def _unused(self, function: _Defined) -> set[int]:
+        """The parameters that a function does not name, by their places."""
+        uses, given = self._of_body(function).uses, enumerate(function.given)
+        return {i for i, (qualifier, name, _) in given if qualifier not in ("out", "inout") and name not in uses}
 
-    def _of_body(self, function: _Defined) -> Counter[str]:
-        found = self._counted.get(function.body)
+    def _of_body(self, function: _Defined) -> _Body:
+        found = self._known.get(function.body)
         if found is None:
-            found = self._counted[function.body] = Counter(self.words[slice(*function.body)])
+            found = self._known[function.body] = _body(tuple(self.words[slice(*function.body)]))
         return found
 
     @cached_property
-    def _counted(self) -> dict[Span, Counter[str]]:
+    def _known(self) -> dict[Span, _Body]:
         return {}
 
     def _variables(self) -> Iterator[Span]:
@@ -346,24 +391,18 @@ class _Words:
             if name not in self.roots and self._uses[name] == 1 and self._is_pure(value):
                 yield span
         for function in self.functions:
-            first, last = function.body
-            declared = [
-                i
-                for i in range(first + 2, last - 1)
-                if words[i + 1] in ("=", ";")
-                and words[i - 2] in _BEGINS
-                and words[i].isidentifier()
-                and glsl.is_type(words[i - 1])
-            ]
-            for name in {words[i] for i in declared}:
-                if self._of_body(function)[name] > 4:
-                    continue  # it is read; names of few uses are looked at
-                yield from self._unread_variable(name, function.body, declared)
+            first, body = function.body[0], self._of_body(function)
+            places = [first + i for i in body.declared]
+            declared = [i for i in places if words[i + 1] in ("=", ";") and words[i - 2] in _BEGINS]
+            for name in {words[i] for i in declared} - body.read:
+                if body.uses[name] > 4:
+                    continue  # names of few uses are looked at
+                yield from self._unread_variable(name, function, declared)
 
-    def _unread_variable(self, name: str, body: Span, declared: Sequence[int]) -> list[Span]:
+    def _unread_variable(self, name: str, function: _Defined, declared: Sequence[int]) -> list[Span]:
         found: list[Span] = []
-        i = body[0]
-        for _ in range(self._counted[body][name]):
+        i = function.body[0]
+        for _ in range(self._of_body(function).uses[name]):
             i = self.words.index(name, i + 1)
             if self.words[i - 1] == ".":
                 continue
