@@ -96,6 +96,11 @@ class Toolkit:
         self._backend.process_inputs()
         self.imgui.new_frame()
 
+    @property
+    def pending(self) -> bool:
+        """True if events wait for a next frame: one frame does not take a press and its release together."""
+        return len(self._context.input_events_queue) > 0
+
     def end(self) -> None:
         """End a frame and draw it over the screen."""
         self.imgui.render()
