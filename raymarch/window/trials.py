@@ -32,6 +32,9 @@ GLANCE = 0.02
 UNANSWERED = 5.0
 """Seconds after which a process that has not begun is killed without a query of its line."""
 
+WHERE = 3.0
+"""Most seconds in which a trial tells its line: a busy machine may not run it for as long."""
+
 
 class Trials:
     """Runs one trial at a time. To be used from one thread.
@@ -181,7 +184,8 @@ class Trials:
         if not hasattr(signal, "SIGUSR1"):
             return None
         with contextlib.suppress(OSError):
-            for _ in range(15):  # it may be between two lines of the user's, or still on the way to the first
+            until = time.monotonic() + WHERE
+            while time.monotonic() < until:  # it may be between two lines of the user's, or on the way to the first
                 os.truncate(self._trace, 0)
                 os.kill(child, signal.SIGUSR1)
                 time.sleep(GLANCE)
