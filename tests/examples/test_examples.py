@@ -18,7 +18,7 @@ from tests.support.compared import compare
 FOLDER = Path(__file__).parents[2] / "examples"
 EXAMPLES = sorted(p.stem for p in FOLDER.glob("*.py"))
 SIZE = (80, 45)
-SIZES = {"village": (64, 36), "primitives": (64, 36), "mandelbulb": (48, 27), "csg": (240, 135)}
+SIZES = {"village": (64, 36), "primitives": (64, 36), "mandelbulb": (48, 27), "textures": (48, 27), "csg": (240, 135)}
 """Smaller where the truth takes long; larger where much of the picture is silhouettes."""
 ESTIMATES = ["mandelbulb"]
 PROVEN = [name for name in EXAMPLES if name not in ESTIMATES]
