@@ -518,7 +518,8 @@ def test_a_full_disk_is_said_in_one_line(folder: Path, ending: str) -> None:
     words = ("render", "hello.py", "-o", f"a{ending}", "--size", "640x360")
     done = spawn(*words, cwd=folder, preexec_fn=full_disk, env=cache)
     assert done.returncode == 2, done.stderr
-    assert done.stderr.startswith(f"raymarch: cannot write 'a{ending}': ") and len(done.stderr.splitlines()) == 1
+    (said,) = (line for line in done.stderr.splitlines() if " %  drawing" not in line)  # a busy machine is slow
+    assert said.startswith(f"raymarch: cannot write 'a{ending}': ")
     assert names(folder) == {"hello.py"}
 
 

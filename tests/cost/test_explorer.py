@@ -107,7 +107,7 @@ def test_axes_and_filters(page):
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 844)])
 def test_nothing_is_cut_off(page, width, height):
     page.resize(width, height, mobile=width < 500)
-    page.run("new Promise(done => setTimeout(done, 100))")
+    page.until(f"document.documentElement.clientWidth === {width}")
     assert page.run("document.documentElement.scrollWidth") <= width
     beyond = page.run(
         "(() => { const s = document.getElementById('plot').getBoundingClientRect(), out = []; "

@@ -23,7 +23,7 @@ def test_jobs_run_in_order_in_another_thread_and_few_wait() -> None:
     gate = threading.Event()
 
     def job(number: int) -> None:
-        gate.wait(10)
+        gate.wait(60)
         threads.add(threading.get_ident())
         done.append(number)
 
@@ -106,7 +106,7 @@ def test_the_wait_for_the_device_does_not_keep_pythons_lock(egl: Context) -> Non
 
 
 def test_what_precedes_jobs_runs_in_two_threads_and_the_jobs_stay_in_order() -> None:
-    both, done = threading.Barrier(2, timeout=20), list[int]()
+    both, done = threading.Barrier(2, timeout=120), list[int]()
     with in_order() as later:
         for number in range(6):
             later(partial(done.append, number), both.wait)  # no pair would pass in one thread

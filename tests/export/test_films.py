@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 import weakref
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
@@ -128,22 +127,33 @@ def test_frames_by_another_state_of_the_package_are_drawn_again(
     assert draw("f_%04d.png", frames="0:2") == 0 and drawn(capsys) == 0
 
 
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from raymarch.cli import main
+replace = Path.replace
+def killed(partial, target):
+    if target.name.startswith("frame_000003"):
+        os.kill(os.getpid(), signal.SIGKILL)
+    return replace(partial, target)
+Path.replace = killed
+main(sys.argv[1:])
+"""
+"""The command, killed before its fourth picture is whole."""
+
+
 def test_a_film_that_was_killed_continues_to_the_same_bytes(folder: Path) -> None:
     pytest.importorskip("av")
-    command = [sys.executable, "-m", "raymarch", "render", "ball.py", "-o", "film.mp4", "--frames", "0:8"]
-    command += ["--size", "32x20", "--fps", "3"]
-    environment = os.environ | {"PYTHONPATH": str(Path(rm.__file__).parents[1])}
-    subprocess.run(command, env=environment, check=True, capture_output=True)
+    assert draw("film.mp4", frames="0:8") == 0
     whole = (folder / "film.mp4").read_bytes()
     (folder / "film.mp4").unlink()
-    process = subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL)
-    end = time.monotonic() + 60
-    while not list(folder.glob("film.mp4.frames/frame_*.png")) and time.monotonic() < end:
-        time.sleep(0.005)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    assert not (folder / "film.mp4").exists() and (folder / "film.mp4.frames").is_dir()
-    subprocess.run(command, env=environment, check=True, capture_output=True)
+    words = ["render", "ball.py", "-o", "film.mp4", "--frames", "0:8", "--fps", "3", "--size", "32x20"]
+    environment = os.environ | {"PYTHONPATH": str(Path(rm.__file__).parents[1])}
+    killed = subprocess.run([sys.executable, "-c", KILLED, *words], env=environment, stderr=subprocess.DEVNULL)
+    assert killed.returncode == -signal.SIGKILL and not (folder / "film.mp4").exists()
+    left = [name.partition("-")[0] for name in sorted(files(folder / "film.mp4.frames"))]
+    assert [name for name in left if name[0] != "."] == ["frame_000000", "frame_000001", "frame_000002"]
+    assert draw("film.mp4", frames="0:8") == 0
     assert (folder / "film.mp4").read_bytes() == whole and files(folder) == {"ball.py", "film.mp4"}
 
 

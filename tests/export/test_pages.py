@@ -161,11 +161,10 @@ class TestInABrowser:
         browser.drag((400, 200), (436, 200), modifiers=8)
         assert browser.run("raymarch.state.pan[0]") < 0
         browser.call("Input.dispatchMouseEvent", type="mouseWheel", x=400, y=200, deltaX=0, deltaY=100)
-        browser.run("new Promise((done) => setTimeout(done, 300))")
+        browser.until("raymarch.state.orbit[2] !== 0")
         assert browser.run("raymarch.state.orbit[2]") == pytest.approx(0.12)
         browser.run("document.getElementById('play').click()")
-        browser.run("new Promise((done) => setTimeout(done, 600))")
-        assert browser.run("raymarch.state.time") > 0
+        browser.until("raymarch.state.time > 0")
         browser.run("raymarch.play(false), document.getElementById('reset').click()")
         assert browser.run("[raymarch.state.time, ...raymarch.state.orbit, raymarch.state.params.u_size]") == [
             *(0, 0, 0, 0),
@@ -185,8 +184,7 @@ class TestInABrowser:
         most = int(browser.run("document.getElementById('most').textContent").split()[0])
         assert most == pytest.approx(counts[int(0.99 * counts.size)], rel=0.1)
         browser.run("document.getElementById('view').value = 2, document.getElementById('view').onchange()")
-        browser.run("new Promise((done) => setTimeout(done, 600))")
-        assert browser.run("document.getElementById('legend').hidden") is False
+        browser.until("!document.getElementById('legend').hidden")
         bar = browser.run("[...document.getElementById('bar').getContext('2d').getImageData(0, 0, 160, 1).data]")
         assert len({tuple(bar[i : i + 3]) for i in range(0, 640, 4)}) > 50
 
@@ -202,9 +200,8 @@ class TestInABrowser:
             none = "HTMLCanvasElement.prototype.getContext = () => null"
             browser.call("Page.addScriptToEvaluateOnNewDocument", source=none)
             browser.call("Page.navigate", url=page(CASES["columns"], tmp_path)[0].resolve().as_uri())
-            ready = "document.readyState === 'complete' && document.getElementById('fault').textContent"
-            code = f"new Promise((done) => {{ const wait = () => {ready} ? done() : setTimeout(wait, 20); wait(); }})"
-            browser.run(code)
+            browser.until("document.readyState === 'complete' && document.getElementById('fault').textContent")
+            browser.until("document.getElementById('still').naturalWidth > 0")
             still = browser.run(
                 "[document.getElementById('still').naturalWidth, document.getElementById('still').hidden]"
             )
@@ -217,11 +214,14 @@ class TestInABrowser:
     ) -> None:
         file, _ = page(CASES["sky"], tmp_path)
         file.write_text(file.read_text().replace('"previewed":false', '"previewed":true'))
-        seen = "window.seen = []; setInterval(() => { const s = document.getElementById('status')?.textContent; "
-        browser.call("Page.addScriptToEvaluateOnNewDocument", source=seen + "if (s) seen.push(s); }, 1)")
-        browser.open(file)
-        wait = "const wait = () => raymarch.progress() > 1 ? done() : setTimeout(wait, 20);"
-        browser.run(f"new Promise((done) => {{ {wait} wait(); }})")
+        seen = "window.seen = []; new MutationObserver(() => seen.push(document.getElementById('status')?.textContent))"
+        seen += ".observe(document, { subtree: true, childList: true, characterData: true })"
+        number = browser.call("Page.addScriptToEvaluateOnNewDocument", source=seen)["identifier"]
+        try:
+            browser.open(file)
+        finally:
+            browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=number)
+        browser.until("raymarch.progress() > 1")
         texts = browser.run("seen")
         assert "compiling, a preview meanwhile" in texts and "sample" in texts[-1]
         compare(browser.picture(64, 48).astype(int), picture(renderer, CASES["sky"]))
@@ -260,15 +260,15 @@ class TestInABrowser:
         browser.drag((400, 200), (460, 180))
         browser.run("document.querySelector('input[data-param=size]').focus()")
         browser.call("Input.dispatchKeyEvent", type="keyDown", key="End", code="End", windowsVirtualKeyCode=35)
-        browser.run("new Promise((done) => setTimeout(done, 600))")
+        kept = "JSON.parse(decodeURIComponent(location.hash.slice(1) || '{}'))"
+        browser.until(f"{kept}.orbit?.join() === raymarch.state.orbit.join() && {kept}.params?.size === 2")
         address, orbit = browser.run("[location.href, raymarch.state.orbit]")
         assert orbit[0] != 0 and "#" in address
-        wait = "const wait = () => window.raymarch ? done() : setTimeout(wait, 20);"
         other = f"{file.resolve().as_uri()}#%7B%22orbit%22:1%7D"
         for link, same in ((address, True), (address[:-20], False), (other, False)):
             browser.call("Page.navigate", url="about:blank")
             browser.call("Page.navigate", url=link)
-            browser.run(f"new Promise((done) => {{ {wait} wait(); }})")
+            browser.until("window.raymarch")
             assert (browser.run("raymarch.state.orbit") == orbit) == same
             assert (browser.run("raymarch.state.params.u_size") == 2.0) == same
 
@@ -285,13 +285,10 @@ class TestInABrowser:
         hooks = "window.files = []; URL.createObjectURL = (blob) => { files.push(blob); return 'blob:x'; }; "
         browser.run(hooks + "HTMLAnchorElement.prototype.click = function () { files.push(this.download); }")
 
-        def until(condition: str) -> None:
-            browser.run(f"new Promise((done) => {{ const w = () => {condition} ? done() : setTimeout(w, 20); w(); }})")
-
         # as before the first frame
         start = "Object.assign(document.querySelector('canvas'), { width: 300, height: 150 }); "
         browser.run(start + "document.getElementById('save').click()")
-        until("files.length === 2")
+        browser.until("files.length === 2")
         code = "files[0].arrayBuffer().then((b) => btoa(String.fromCharCode(...new Uint8Array(b))))"
         saved = Image.open(io.BytesIO(base64.b64decode(browser.run(code))))
         assert saved.size == (800, 450) and len(saved.getcolors(1 << 20) or ()) > 100
@@ -299,7 +296,7 @@ class TestInABrowser:
         place = "document.getElementById('full').getBoundingClientRect()"
         x, y = browser.run(f"[{place}.x + 9, {place}.y + 9]")
         browser.drag((x, y), (x, y))
-        until("document.fullscreenElement")
+        browser.until("document.fullscreenElement")
         browser.run("document.exitFullscreen()")
 
 
@@ -313,14 +310,12 @@ def test_the_keyboard_turns_the_picture_and_a_lost_device_comes_back(browser: ch
         browser.call("Input.dispatchKeyEvent", type="keyUp", key=key)
     turned = browser.run("raymarch.state.orbit.slice()")
     assert turned == pytest.approx([0.096, -0.096, -0.1])
-    browser.run("new Promise(done => { const wait = () => location.hash ? done() : setTimeout(wait, 20); wait(); })")
     browser.run(
         "window.device = canvas.getContext('webgl2').getExtension('WEBGL_lose_context'); device.loseContext(); 0"
     )
-    lost = "new Promise(done => { const wait = () => document.getElementById('fault').textContent ? done(0) : "
-    browser.run(f"{lost} setTimeout(wait, 20); wait(); }})")
+    browser.until("document.getElementById('fault').textContent")
     browser.run("device.restoreContext(); 0")
-    until, found = time.monotonic() + 20.0, None
+    until, found = time.monotonic() + chromium.LIMIT, None
     while not found and time.monotonic() < until:
         time.sleep(0.02)
         with contextlib.suppress(RuntimeError):  # while it is loaded again

@@ -109,6 +109,12 @@ def test_a_kernel_shows_it(tmp_path: Path) -> None:
     assert error["traceback"] == ["SceneError: Cell In[3], line 2: sphere: radius = -1 (a number > 0)"]
 
 
+def posted(page: chromium.Browser) -> None:
+    """Wait until the page has posted its state twice, and its messages have been taken on both sides."""
+    frame = "frame.contentWindow"
+    page.run(f"new Promise((done) => {frame}.setTimeout(() => {frame}.setTimeout(() => setTimeout(done), 110), 110))")
+
+
 class TestInABrowser:
     pytestmark = browsing
 
@@ -121,7 +127,8 @@ class TestInABrowser:
         (tmp_path / "host.html").write_text(text)
         with chromium.Browser(*SIZE) as browser:
             browser.open(tmp_path / "host.html")
-            browser.run("new Promise((done) => setTimeout(done, 300))")
+            browser.until("raymarch.state.playing === false && raymarch.state.params.u_gap === 0.75")
+            posted(browser)
             yield browser
             assert not browser.messages
 
@@ -129,9 +136,9 @@ class TestInABrowser:
         # From the model to the page.
         assert page.run("[raymarch.state.params.u_gap, raymarch.state.playing]") == [0.75, False]
         page.run("model.set('params', {gap: 0.125, tint: [1, 0, 0]}), model.set('view', 'depth'), model.set('time', 3)")
-        page.run("new Promise((done) => setTimeout(done, 300))")
+        page.until("raymarch.state.time === 3 && raymarch.state.view === 1")
         found = page.run("[raymarch.state.params.u_gap, raymarch.state.params.u_tint, raymarch.state.view]")
-        assert found == [0.125, [1, 0, 0], 1] and page.run("raymarch.state.time") == 3
+        assert found == [0.125, [1, 0, 0], 1]
         assert page.run("frame.contentDocument.querySelector('input[data-param=gap]').valueAsNumber") == 0.125
 
         # From the page to the model, by a key on the slider and by the mouse.
@@ -141,7 +148,8 @@ class TestInABrowser:
         page.call("Input.dispatchKeyEvent", type="keyDown", key="End", code="End", windowsVirtualKeyCode=35)
         page.run("scrollTo(0, 0)")
         page.drag((500, 200), (550, 200))
-        page.run("new Promise((done) => setTimeout(done, 300))")
+        page.until("model.get('orbit')[0] === raymarch.state.orbit[0] && model.get('orbit')[0]")
+        posted(page)
         assert page.run("model.get('params')") == {"gap": 1, "tint": [1, 0, 0]}
         assert page.run("model.get('orbit')[0]") == pytest.approx(-3.2 * 50 / 400)
         count = page.run("saved.length")
@@ -149,10 +157,11 @@ class TestInABrowser:
 
         # Neither answers what it was told.
         page.run("model.set('pan', [0.5, 0])")
-        page.run("new Promise((done) => setTimeout(done, 400))")
+        page.until("raymarch.state.pan[0] === 0.5")
+        posted(page)
         assert page.run("raymarch.state.pan") == [0.5, 0] and page.run("saved.length") == count
         page.run("close_widget(), model.set('time', 9)")
-        page.run("new Promise((done) => setTimeout(done, 200))")
+        posted(page)
         assert page.run("raymarch.state.time") == 3
 
     def test_the_sliders_are_below_the_picture_and_the_wheel_scrolls(self, page: chromium.Browser) -> None:
@@ -168,5 +177,5 @@ class TestInABrowser:
         for modifiers in (0, 2):
             wheel = {"type": "mouseWheel", "x": 300, "y": 100, "deltaX": 0, "deltaY": 60, "modifiers": modifiers}
             page.call("Input.dispatchMouseEvent", **wheel)
-            page.run("new Promise((done) => setTimeout(done, 500))")
+            page.until("raymarch.state.orbit[2] > 0" if modifiers else "scrollY > 0")
             assert (page.run("scrollY") > 0) and (page.run("raymarch.state.orbit[2]") > 0) == (modifiers == 2)

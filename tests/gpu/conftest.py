@@ -65,7 +65,7 @@ def interpreter() -> Callable[[str, str | None], str]:
         if display:
             environment["DISPLAY"] = display
         done = subprocess.run(
-            [sys.executable, "-W", "error", "-c", code], env=environment, capture_output=True, text=True, timeout=60
+            [sys.executable, "-W", "error", "-c", code], env=environment, capture_output=True, text=True, timeout=180
         )
         assert done.returncode == 0, done.stderr
         return done.stdout.strip()

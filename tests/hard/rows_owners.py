@@ -98,7 +98,7 @@ def _answered(code: str) -> int:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (ROOT, ROOT / "tests")))}
     command = [sys.executable, "-c", code]
     try:
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=180)
     except subprocess.TimeoutExpired:
         return 0
     return int(done.stdout) if done.returncode == 0 else 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import os
+import select
 import shutil
 import subprocess
 import tempfile
@@ -30,6 +31,9 @@ FLAGS = (
     *("--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader"),
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
 )
+
+LIMIT = 180.0
+"""Seconds after which an answer of the browser is taken not to come. Nothing takes nearly so long."""
 
 
 def find() -> str | None:
@@ -63,7 +67,6 @@ class Browser:
         )
         os.close(to_read)
         os.close(to_write)
-        self._stream = os.fdopen(self._from, "rb")
         self._number = 0
         self._session: str | None = None
         self.messages: list[str] = []
@@ -92,8 +95,11 @@ class Browser:
     def _read(self) -> bytes:
         found = bytearray()
         while True:
-            part = self._stream.read1(1 << 16) if not self._rest else self._rest  # type: ignore[attr-defined]
-            self._rest = b""
+            part, self._rest = self._rest, b""
+            if not part:
+                if not select.select([self._from], [], [], LIMIT)[0]:
+                    raise RuntimeError(f"the browser has not answered for {LIMIT:g} s")
+                part = os.read(self._from, 1 << 16)
             if not part:
                 raise RuntimeError("the browser has ended")
             message, end, rest = part.partition(b"\0")
@@ -124,6 +130,15 @@ class Browser:
         if "exceptionDetails" in found:
             raise RuntimeError(str(found["exceptionDetails"])[:2000])
         return found["result"].get("value")
+
+    def until(self, condition: str) -> None:
+        """Wait until an expression of JavaScript is true."""
+        code = "new Promise((done, fail) => { const end = performance.now() + LIMIT, wait = () => (CONDITION) ? done() "
+        code += ": performance.now() > end ? fail(document.title) : setTimeout(wait, 20); wait(); })"
+        try:
+            self.run(code.replace("LIMIT", f"{500 * LIMIT:g}").replace("CONDITION", condition))
+        except RuntimeError as fault:
+            raise AssertionError(f"never true: {condition}") from fault
 
     def picture(self, width: int, height: int, samples: int = 1, view: int = 0) -> NDArray[np.uint8]:
         """A picture that the page draws, (height, width, 3), row 0 at the top."""
@@ -156,7 +171,7 @@ class Browser:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
-        self._stream.close()
+        os.close(self._from)
         os.close(self._to)
         self._folder.cleanup()
 

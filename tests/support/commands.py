@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 
-from raymarch.cli import main
+from raymarch.cli import main, progress
 
 
 def run(*args: str) -> int:
-    """The exit status of a command."""
-    with pytest.raises(SystemExit) as stop:
+    """The exit status of a command. It logs no progress, however slow the machine is."""
+    with patch.object(progress, "QUIET", math.inf), pytest.raises(SystemExit) as stop:
         main(list(args))
     return int(stop.value.code or 0)
 

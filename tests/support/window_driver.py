@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 import raymarch.errors
 
 ROOT = Path(raymarch.errors.__file__).parents[1]
-PATIENCE = 20.0
+PATIENCE = 120.0
 """Seconds after which something that must happen is taken not to. Nothing takes nearly so long; a busy machine may."""
 
 Events = list[dict[str, Any]]
@@ -39,7 +39,7 @@ def serve_display(screen: str = "1000x700x24") -> Iterator[str]:
     finally:
         os.close(write_end)
     try:
-        ready, _, _ = select.select([read_end], [], [], 20)
+        ready, _, _ = select.select([read_end], [], [], PATIENCE)
         number = os.read(read_end, 16).decode().strip() if ready else ""
         if not number:
             raise OSError("Xvfb did not start")
@@ -254,8 +254,12 @@ class Session:
         with self.errors.open("w") as errors:
             self.process = subprocess.Popen(command, cwd=folder, env=environment, stderr=errors, stdout=errors)
         self.hand = Hand(display)
-        self.hand.find(lambda: self.process.poll() is None)
-        self.wait("frame", lambda e: moving or e["whole"])
+        try:
+            self.hand.find(lambda: self.process.poll() is None)
+            self.wait("frame", lambda e: moving or e["whole"])
+        except BaseException:
+            self.kill()  # a window that stays would be found in place of the next one
+            raise
 
     def events(self) -> Events:
         text = self._log.read_text() if self._log.exists() else ""

@@ -16,6 +16,7 @@ from raymarch.window import comparison
 from raymarch.window.model import Verdicts
 from raymarch.window.proving import OPACITY, Proving
 from raymarch.window.reference import Abandoned, Reference, from_centre, traced
+from tests.support.window_driver import PATIENCE
 from tests.window.test_commands import model_of
 
 SIZE = (48, 32)
@@ -47,7 +48,7 @@ def test_a_reference_is_computed_once_and_outlives_a_change_of_quality() -> None
     reference = Reference(woken.set)
     shot = model.state.shot()
     reference.ask(shot, model.state.values, SIZE)
-    assert woken.wait(20)
+    assert woken.wait(PATIENCE)
     assert not [tile for tile in reference.latest() if tile.trouble]
     assert reference.share == 1.0 and not np.isnan(reference.color).any()
     draft = shot.scene.replace(quality=rm.Quality.preset("draft"))
@@ -67,7 +68,7 @@ def test_a_scene_that_cannot_be_traced_says_why() -> None:
     reference = Reference(woken.set)
     broken = replace(model.state.shot(), scene=None)  # type: ignore[arg-type]
     reference.ask(broken, model.state.values, SIZE)
-    assert woken.wait(20)
+    assert woken.wait(PATIENCE)
     (tile,) = reference.latest()
     assert tile.trouble and reference.share == 0.0
 
@@ -81,7 +82,7 @@ def test_hits_are_proved_and_a_wrong_one_is_contradicted() -> None:
     proving.depth[middle] *= 0.99
     shot = model.state.shot()
     proving.ask(shot, model.state.values, SIZE)
-    assert woken.wait(20)
+    assert woken.wait(PATIENCE)
     assert not [tile.trouble for tile in proving.latest() if tile.trouble]
     assert proving.verdicts == Verdicts(SIZE[0] * SIZE[1] - 1, 1, 0, SIZE[0] * SIZE[1]) and proving.share == 1.0
     assert proving.state[middle] == CONTRADICTED

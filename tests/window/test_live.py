@@ -178,8 +178,9 @@ def test_swatches_are_as_the_picture(session: Session) -> None:
     assert near(pixel(seen, BALL), TOMATO)
     assert near(pixel(seen, session.item("swatch material 1")), TOMATO)
     hand = session.hand
+    mark = session.mark()
     click(session, "edit material 1")
-    session.wait("items", lambda e: "swatch material 1 color" in e["at"], session.mark() - 40)
+    session.wait("items", lambda e: "swatch material 1 color" in e["at"], mark)
     hand.move(*BALL)
     seen = session.settled()
     assert near(pixel(seen, session.item("swatch material 1 color")), TOMATO)

@@ -15,6 +15,7 @@ import pytest
 from raymarch.errors import SceneError
 from raymarch.window.model import Model
 from raymarch.window.outside import Outside, listening, slot_of
+from tests.support.window_driver import PATIENCE
 from tests.window.test_commands import model_of
 
 SCENE = """import raymarch as rm
@@ -60,7 +61,7 @@ def test_osc_messages_set_parameters(outside: Outside, model: Model) -> None:
     def send(*packets: bytes) -> None:
         for data in packets:
             sender.sendto(data, ("127.0.0.1", port))
-            assert heard.acquire(timeout=10)
+            assert heard.acquire(timeout=PATIENCE)
         outside.take(model)
 
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:

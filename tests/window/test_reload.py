@@ -134,12 +134,21 @@ def test_the_file_that_was_opened_is_followed_and_the_old_one_no_more(live: Live
     assert live.model.fault is None and live.model.state.camera.position[1] == 1
 
 
+BEGUN = "open(__file__ + '.begun', 'w').close(); "
 HANGS = {
-    "a loop": ("while True:\n    pass\n", (2, 3)),
-    "a loop that holds on": ("while True:\n    try:\n        while True: pass\n    except: pass\n", (4,)),
-    "a sleep": ("import time\ntime.sleep(1000)\n", (3,)),
-    "a loop of C code": ("import itertools\nany(itertools.repeat(False))\n", (3,)),
+    "a loop": (f"{BEGUN}\nwhile True:\n    pass\n", (2, 3, 4)),
+    "a loop that holds on": (f"while True:\n  try:\n    {BEGUN}\n    while True: pass\n  except: pass\n", (4, 5)),
+    "a sleep": (f"import time\n{BEGUN}time.sleep(1000)\n", (3,)),
+    "a loop of C code": (f"import itertools\n{BEGUN}any(itertools.repeat(False))\n", (3,)),
 }
+"""Files that do not end, each with the lines at which it hangs once another file says so."""
+
+
+def appears(file: Path) -> None:
+    until = time.monotonic() + PATIENCE
+    while not file.exists():
+        assert time.monotonic() < until, f"no {file}"
+        time.sleep(0.01)
 
 
 def test_what_hangs_can_be_stopped(live: Live) -> None:
@@ -147,6 +156,9 @@ def test_what_hangs_can_be_stopped(live: Live) -> None:
     for name, (text, lines) in HANGS.items():
         live.save(f"import raymarch as rm\n{text}{SCENE}")
         live.wait(Started)
+        begun = Path(f"{live.file}.begun")
+        appears(begun)
+        begun.unlink()
         live.reloader.interrupt()
         assert "stopped after" in live.wait(Failed).fault.what, name
         assert where(live)[0] == "scene.py" and where(live)[1] in lines, (name, live.model.fault)
@@ -167,13 +179,14 @@ scene = rm.Scene(rm.sphere(), lights=[Lamp()])
 
 
 def test_a_scene_that_is_loaded_in_the_window_must_end_too(live: Live, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reload, "HERE_AT_LEAST", 0.5)
+    monkeypatch.setattr(reload, "HERE_AT_LEAST", 1.0)  # for what never ends; what ends has the usual time
     monkeypatch.setattr(reload, "HERE_FACTOR", 0.0)
     before = threading.active_count()
     live.save(f"import sys\nif 'pytest' in sys.modules:\n    while True:\n        pass\n{OWN_LIGHT}")  # no trial has it
     assert "did not end" in live.wait(Failed).fault.what
     assert where(live)[0] == "scene.py" and where(live)[1] in (3, 4), live.model.fault
     assert threading.active_count() == before
+    monkeypatch.undo()
     live.save(f"import sys\nif 'pytest' in sys.modules:\n    1 / 0\n{OWN_LIGHT}")
     live.wait(Failed)
     assert where(live) == ("scene.py", 3)

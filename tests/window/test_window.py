@@ -14,7 +14,7 @@ import pytest
 import raymarch as rm
 from raymarch.cli import main
 from raymarch.window.toolkit import find
-from tests.support.window_driver import ROOT, Hand, Session, alike
+from tests.support.window_driver import PATIENCE, ROOT, Hand, Session, alike
 
 View = Callable[..., Session]
 Capture = pytest.CaptureFixture[str]
@@ -40,7 +40,7 @@ def command(*arguments: str, display: str | None) -> subprocess.CompletedProcess
     if display:
         environment["DISPLAY"] = display
     line = [sys.executable, "-m", "raymarch", "view", *arguments]
-    return subprocess.run(line, env=environment, capture_output=True, text=True, timeout=60)
+    return subprocess.run(line, env=environment, capture_output=True, text=True, timeout=PATIENCE)
 
 
 def refused(capfd: Capture, *arguments: str) -> str:
