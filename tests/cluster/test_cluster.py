@@ -8,6 +8,7 @@ import shutil
 import signal
 import time
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -51,11 +52,11 @@ TLS = ("tls_ca_file", "tls_client_key", "tls_client_cert")
 
 @pytest.fixture(scope="module")
 def client() -> Iterator[Any]:
-    """A client of a scheduler with two worker processes, which replaces a worker that does not answer in 5 seconds.
+    """A client of a scheduler with two worker processes, which replaces a worker that does not answer in a minute.
 
     Its certificate is in Dask's configuration, so that commands find it, as they find that of a user's own cluster.
     """
-    with connected("local:2", 5.0) as made:
+    with connected("local:2", 60.0) as made:
         known = made.security
         names = {"ca-file": known.tls_ca_file, "client.key": known.tls_client_key, "client.cert": known.tls_client_cert}
         with dask.config.set({f"distributed.comm.tls.{name}": value for name, value in names.items()}):
@@ -207,15 +208,16 @@ def test_a_killed_and_a_hung_worker_cost_only_their_tasks(
     folder: Path, client: Any, also_hung: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert draw("p_%02d.png", frames="0:24") == 0
-    first, second = client.run(os.getpid).values()
+    with connected("local:2", 5.0) if also_hung else nullcontext(client) as used:
+        first, second = used.run(os.getpid).values()
 
-    def disturb() -> None:
-        os.kill(first, signal.SIGKILL)
-        if also_hung:
-            os.kill(second, signal.SIGSTOP)  # the scheduler replaces it after its time to live
+        def disturb() -> None:
+            os.kill(first, signal.SIGKILL)
+            if also_hung:
+                os.kill(second, signal.SIGSTOP)  # the scheduler replaces it after its time to live
 
-    after_frame(4, disturb, monkeypatch)
-    made = rm.render_frames("ball.py", range(24), 6, (32, 24), "c_{:02d}.png", client)
+        after_frame(4, disturb, monkeypatch)
+        made = rm.render_frames("ball.py", range(24), 6, (32, 24), "c_{:02d}.png", used)
     assert [file.name for file in made] == [f"c_{i:02d}.png" for i in range(24)]
     assert content("c_*.png") == content("p_*.png")
 
@@ -245,7 +247,15 @@ def test_a_lost_scheduler_is_one_line_and_the_film_continues(
     """The way to the scheduler is cut after the third frame, before the workers are counted: what is open ends, and
     nobody answers there any more."""
     monkeypatch.setattr(submit, "COUNTED", 0.0)
-    monkeypatch.setattr(connect, "CONNECT", 1.0)
+    client_of = distributed.Client
+
+    def hasty(address: str, **options: Any) -> Any:
+        """A client that connects in its own time, and then looks for a lost scheduler for a second only."""
+        found = client_of(address, **options)
+        found._timeout = 1.0
+        return found
+
+    monkeypatch.setattr(distributed, "Client", hasty)
     assert draw("p_%02d.png", frames="0:40") == 0
     with Way(client.scheduler.address) as way:
         after_frame(3, way.cut, monkeypatch)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
+from math import inf
 from time import process_time, sleep
 from typing import Any
 
@@ -118,11 +120,14 @@ def test_the_wall_clock_waits_for_the_draw(context: Context) -> None:
     program = Program(context, FULL_SCREEN, module._TEST_FRAGMENT, lambda line: ("test", None), "test")
     with program, Target(context, (512, 512)) as target:
         program.draw(target, {"iterations": 1})
-        light, heavy = (
-            min(wall_time(context, lambda: program.draw(target, {"iterations": n})) for _ in range(3))  # noqa: B023
-            for n in (32 * more, 1024 * more)
-        )
-    assert heavy > 10 * light
+        least = {32 * more: inf, 1024 * more: inf}
+        for turn in range(30):
+            for n in least:
+                least[n] = min(least[n], wall_time(context, partial(program.draw, target, {"iterations": n})))
+            light, heavy = least.values()
+            if turn > 1 and heavy > 10 * light:
+                return
+    raise AssertionError(f"{heavy} ms and {light} ms")  # also where other programs lengthen single draws
 
 
 def test_what_a_draw_does_on_the_cpu_counts_too(egl: Context) -> None:
