@@ -96,17 +96,14 @@ class Toolkit:
         self._backend.process_inputs()
         self.imgui.new_frame()
 
-    @property
-    def pending(self) -> bool:
-        """True if events wait for a next frame: one frame does not take a press and its release together."""
-        return len(self._context.input_events_queue) > 0
-
-    def end(self) -> None:
-        """End a frame and draw it over the screen."""
+    def end(self) -> bool:
+        """End a frame and draw it over the screen. Returns whether events wait for the next one: a frame does not take
+        a press and its release together."""
         self.imgui.render()
         with self._window.context.bound():
             self._screen.use()
             self._backend.render(self.imgui.get_draw_data())
+        return len(self._context.input_events_queue) > 0
 
     def release(self) -> None:
         with self._window.context.bound():

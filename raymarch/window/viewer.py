@@ -261,10 +261,9 @@ class Viewer:
         """How long to wait for the next event."""
         model, line = self.model, self.model.state.timeline
         busy = (model.state.animated and line.playing) or model.sequence is not None or bool(model.requests)
-        live = bool(model.panel) and self._live > 0 and self.window.size[0] > 0
-        if busy or live or not self.picture.resting or not self._comparison.whole(model) or any(self._speeds()):
-            return max(0.0, SHORTEST - (clock_time.perf_counter() - self._at))
-        return IDLE
+        busy = busy or (bool(model.panel) and self._live > 0 and self.window.size[0] > 0)
+        busy = busy or not self.picture.resting or not self._comparison.whole(model) or any(self._speeds())
+        return max(0.0, SHORTEST - (clock_time.perf_counter() - self._at)) if busy else IDLE
 
     def _measure_window(self) -> None:
         """Note the size of the window and of what the panel leaves free."""
@@ -361,8 +360,7 @@ class Viewer:
             try:
                 self._toolkit.begin()
                 self._panel.draw()
-                self._toolkit.end()
-                self._live = 3 if self._toolkit.pending else self._live
+                self._live = 3 if self._toolkit.end() else self._live
             except RuntimeError as fault:  # an error of the toolkit disables the panel, not the window
                 self._panel, model.panel = None, None
                 model.notice(f"the panel failed, the window goes on: {fault}")
