@@ -11,7 +11,7 @@ import stat
 import struct
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from errno import EACCES, EISDIR
 from pathlib import Path
@@ -149,8 +149,9 @@ def folders_of(file: Path, error: type[RaymarchError] = SceneError) -> Iterator[
 @contextmanager
 def recorded() -> Iterator[dict[str, None]]:
     """The absolute paths of the files that are opened to be read in the block, in order; of a compiled module, its
-    source. Also those that do not exist, and folders that became the working directory."""
+    source. Also those that do not exist, and folders that became the working directory. Blocks may be nested."""
     global _read, _hooked
+    outer = _read
     if not _hooked:
         sys.addaudithook(_record)  # cannot be removed; does nothing outside of the block
         _hooked = True
@@ -158,7 +159,9 @@ def recorded() -> Iterator[dict[str, None]]:
     try:
         yield found
     finally:
-        _read = None
+        if outer is not None:
+            outer.update(found)
+        _read = outer
 
 
 def _record(event: str, arguments: tuple[Any, ...]) -> None:
@@ -185,6 +188,26 @@ def may_belong(file: str) -> bool:
     users = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     caches = [os.path.join(os.path.abspath(found), "") for found in (cache_folder(), users) if found]
     return is_users(file) and not file.startswith(("/proc/", "/sys/", "/dev/", *caches))
+
+
+def check_apart(read: Iterable[str], outputs: Iterable[Path | None], error: type[RaymarchError] = SceneError) -> None:
+    """`error` if an output would replace a file that was read, also by another name of it.
+
+    read : as `recorded` gives it for a scene that was loaded.
+    """
+    inputs = {_identity(name) for name in read if may_belong(name)} - {None}
+    for file in outputs if inputs else ():
+        if file is not None and _identity(file) in inputs:
+            raise error(f"cannot write '{file}': the scene reads it", legal="another name")
+
+
+def _identity(file: str | os.PathLike[str]) -> tuple[int, int] | None:
+    """The device and the number of a regular file; None if there is none."""
+    with suppress(OSError, ValueError):
+        found = os.stat(file)
+        if stat.S_ISREG(found.st_mode):
+            return found.st_dev, found.st_ino
+    return None
 
 
 @contextmanager

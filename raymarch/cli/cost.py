@@ -46,7 +46,7 @@ from raymarch.cost.text import FORMAT, as_csv, as_json, findings, in_table, ligh
 from raymarch.cost.variants import ideal_of
 from raymarch.cost.views import views
 from raymarch.errors import CostError
-from raymarch.files import import_optional, reading, valid, write
+from raymarch.files import check_apart, import_optional, reading, recorded, valid, write
 from raymarch.gpu.driver_cache import without_driver_cache
 from raymarch.gpu.renderer import Renderer
 from raymarch.proof import prove
@@ -147,7 +147,9 @@ def run(
     crossed = None if cross is None else [name.strip() for name in cross.split(",") if name.strip()]
     asked = axes(crossed, _given(axis or []))
     pixels, params = parse_size(size or SIZE), parse_settings(set_ or [])
-    source, found = (None, load(scene)) if cluster is None else of_file(scene)  # read once: it may be a pipe
+    with recorded() as read:  # once: it may be a pipe
+        source, found = (None, load(scene)) if cluster is None else of_file(scene)
+    check_apart(read, files.values(), CommandError)
     bench = _Bench(found, valid(scene.stem), pixels, time or 0.0, params, repeats, seed, samples, backend, device)
     if write_baseline is not None or check_ is not None:
         ignore_measured(True)  # evaluations then depend on no driver

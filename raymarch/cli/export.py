@@ -12,7 +12,7 @@ from raymarch.cli.common import CommandError, SceneFile, Settings, errors, parse
 from raymarch.cli.presets import Preset, with_preset
 from raymarch.cli.progress import bar
 from raymarch.export.forms import CELLS, GLSL, SUFFIXES, TEXTURES, export
-from raymarch.files import folders_of
+from raymarch.files import check_apart, folders_of, recorded
 from raymarch.scene.file import load
 
 
@@ -41,7 +41,10 @@ def run(
     ] = None,
 ) -> None:
     start, began = clock_time.perf_counter(), clock_time.time()
-    found, params, corners = with_preset(load(scene), quality), parse_settings(set_ or []), parse_box(box)
+    with recorded() as read:
+        loaded = load(scene)
+    found, params, corners = with_preset(loaded, quality), parse_settings(set_ or []), parse_box(box)
+    check_apart(read, (output, output.with_suffix(TEXTURES)), CommandError)
     with folders_of(output, CommandError), bar("exporting", 1.0) as progress:
         made = export(
             found,

@@ -19,7 +19,7 @@ from raymarch.cli.common import (
 )
 from raymarch.cli.presets import Preset, with_preset
 from raymarch.cli.progress import bar
-from raymarch.files import write
+from raymarch.files import check_apart, recorded, write
 from raymarch.proof import prove
 from raymarch.proof.search import CONTRADICTED, OPEN
 from raymarch.scene.file import load
@@ -56,7 +56,9 @@ def run(
     params, shape = parse_settings(set_ or []), parse_size(size)
     pixels: Literal["center", "whole"] = "whole" if whole else "center"
     with bar("proof", 1.0) as progress:
-        made = with_preset(load(scene), quality)
+        with recorded() as read:
+            made = with_preset(load(scene), quality)
+        check_apart(read, (output, json), CommandError)
         found = prove(
             made,
             size=shape,

@@ -31,7 +31,7 @@ from raymarch.cli.views import CHOICES, check_view
 from raymarch.cluster.source import Source, of_file
 from raymarch.export.film import FILMS
 from raymarch.export.stills import Shot
-from raymarch.files import folders_of
+from raymarch.files import check_apart, folders_of, recorded
 from raymarch.scene.file import load
 from raymarch.scene.scene import Scene
 from raymarch.scene.studio import staged
@@ -140,7 +140,8 @@ def run(
         outputs = check_view(view, slice_)
         extent, choose = parse_size(size), parse_quality(quality, error, within)
         on_workers = parse_cluster(cluster, json, workers, mixed_drivers, split_samples, batch, task_timeout)
-        source, found = (None, load(scene)) if cluster is None else of_file(scene)  # read once: it may be a pipe
+        with recorded() as read:  # once: it may be a pipe
+            source, found = (None, load(scene)) if cluster is None else of_file(scene)
         found = staged(found)
         if samples is not None:  # before a quality is chosen by measurement
             found = found.replace(quality=found.quality.replace(samples=samples))
@@ -149,6 +150,7 @@ def run(
         target = output if output is not None else Path(scene.with_suffix(".png").name)
         check_outputs(target, view, alpha, layers, cryptomatte)
         items = parse_items(target, time, frames, fps, extent)
+        check_apart(read, (target, *(item.file for item in items)), CommandError)
         suffix = ".png" if target.suffix.lower() in FILMS else target.suffix.lower()
         shot = Shot(extent, suffix, params, view, outputs, alpha, layers, cryptomatte, strict, fps)
         job = Job(found, target, items, shot, fps, frames is not None, choose, sweep, backend, device)

@@ -8,6 +8,7 @@ import json
 import os
 import re
 import resource
+import shutil
 import signal
 import stat
 import subprocess
@@ -109,6 +110,38 @@ def test_a_message_is_shown_as_it_is(folder: Path, capsys: Any, words: str) -> N
     (folder / "bad.py").write_text(f"raise ValueError({words!r})\n", encoding="utf-8")
     assert run("render", "bad.py", *SMALL) == 2
     assert capsys.readouterr().err == f"raymarch: bad.py:1: ValueError: {words}\n"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "render wood.py",  # the default output
+        "render wood.py -o link.png",
+        "render wood.py --cluster local:1",
+        "render wood.py -o woo{}.png --frames 0:9",
+        "export wood.py -o scene.stl",
+        "prove wood.py -o wood.png",
+        "prove wood.py --json wood.json",
+        "cost wood.py --json wood.json",
+    ],
+)
+def test_a_file_that_the_scene_reads_is_not_replaced(
+    folder: Path, capsys: pytest.CaptureFixture[str], words: str
+) -> None:
+    Image.new("RGB", (4, 4), "teal").save("wood.png")
+    shutil.copy("wood.png", "woo3.png")
+    Path("wood.json").write_text("1.5")
+    Path("scene.stl").write_text("a user's file")
+    Path("link.png").symlink_to("wood.png")
+    Path("wood.py").write_text(
+        "import raymarch as rm\nfrom pathlib import Path\n"
+        "for name in ('wood.json', 'scene.stl', 'woo3.png'):\n    Path(name).read_bytes()\n"
+        "scene = rm.sphere().material(rm.Material(color=rm.planar('wood.png')))\n"
+    )
+    before = {file.name: file.read_bytes() for file in folder.iterdir() if file.is_file()}
+    assert run(*words.split()) == 2
+    assert ": the scene reads it (another name)" in capsys.readouterr().err
+    assert {name: Path(name).read_bytes() for name in before} == before
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such names")
