@@ -19,7 +19,7 @@ from typing import Any
 
 from raymarch.cache import folder as cache_folder
 from raymarch.errors import RaymarchError, SceneError, is_users
-from raymarch.startup import unfinished
+from raymarch.startup import interrupt_again, unfinished
 
 UNFINISHED = ".raymarch."
 """How the names of temporary files begin, which become the outputs when they are complete."""
@@ -112,9 +112,11 @@ def install(extra: str) -> str:
 def import_optional(what: str, name: str, extra: str, error: type[RaymarchError] = SceneError) -> Any:
     """An optional package. `error`, with what needs it and the command to install it, if it is missing."""
     try:
-        return importlib.import_module(name)
+        found = importlib.import_module(name)
     except ImportError:
         raise error(f"{what} needs the package {name}", legal=install(extra)) from None
+    interrupt_again()
+    return found
 
 
 def write(file: Path, writer: Callable[[Path], object], error: type[RaymarchError] = SceneError) -> None:

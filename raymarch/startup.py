@@ -56,6 +56,12 @@ def interrupt(*_: object) -> None:
         leave()
 
 
+def interrupt_again() -> None:
+    """Raise KeyboardInterrupt if it was raised before, and lost: some packages catch it while they are imported."""
+    if _interrupted is not None:
+        raise KeyboardInterrupt
+
+
 def _handle(before: tuple[object, ...], handler: Any) -> None:
     for number in SIGNALS:
         if signal.getsignal(number) in before:

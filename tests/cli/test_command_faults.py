@@ -27,7 +27,7 @@ from PIL import Image
 import raymarch as rm
 from raymarch.errors import SceneError, SceneWarning
 from raymarch.export.stills import FORMATS
-from raymarch.files import write
+from raymarch.files import import_optional, write
 from raymarch.gpu.doctor import Report
 from raymarch.plan import plan
 from raymarch.scene import load
@@ -110,6 +110,21 @@ def test_a_message_is_shown_as_it_is(folder: Path, capsys: Any, words: str) -> N
     (folder / "bad.py").write_text(f"raise ValueError({words!r})\n", encoding="utf-8")
     assert run("render", "bad.py", *SMALL) == 2
     assert capsys.readouterr().err == f"raymarch: bad.py:1: ValueError: {words}\n"
+
+
+def test_an_interrupt_that_a_package_loses_while_it_is_imported_ends_the_command(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As trimesh does: it imports packages that it can do without in blocks that catch all exceptions."""
+    (folder / "greedy.py").write_text(
+        "from raymarch import startup\ntry:\n    startup.interrupt()\nexcept BaseException as caught:\n    lost = caught\n"
+    )
+    monkeypatch.syspath_prepend(folder)
+    monkeypatch.setattr("raymarch.startup._interrupted", None)
+    with pytest.raises(KeyboardInterrupt):
+        import_optional("a mesh", "greedy", "mesh")
+    monkeypatch.setattr("raymarch.startup._interrupted", None)
+    assert import_optional("a mesh", "greedy", "mesh").lost
 
 
 @pytest.mark.parametrize(
