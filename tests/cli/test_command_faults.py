@@ -117,7 +117,9 @@ def test_an_interrupt_that_a_package_loses_while_it_is_imported_ends_the_command
 ) -> None:
     """As trimesh does: it imports packages that it can do without in blocks that catch all exceptions."""
     (folder / "greedy.py").write_text(
-        "from raymarch import startup\ntry:\n    startup.interrupt()\nexcept BaseException as caught:\n    lost = caught\n"
+        "from raymarch import startup\n"
+        "try:\n    startup.interrupt()\n"
+        "except BaseException as caught:\n    lost = caught\n"
     )
     monkeypatch.syspath_prepend(folder)
     monkeypatch.setattr("raymarch.startup._interrupted", None)
