@@ -31,7 +31,7 @@ from tests.lab.seeded import ENOUGH, FOLDERS, PACKAGE, ROOT, Bench, arguments, c
 
 LEDGER = ROOT / "docs" / "figures" / "glsl_faults.json"
 FOLDER = PACKAGE / "glsl"
-NOTICED = 0.7
+NOTICED = 0.85
 """Least share of all faults that is noticed."""
 UNNOTICED = ("unchanged", "missed", "no test draws with it")
 
