@@ -28,7 +28,7 @@ from raymarch.plan.narrow import narrow
 from raymarch.prices import STANDARD, Prices
 from raymarch.scene.legal import solid_at
 from raymarch.scene.parameter import Values
-from raymarch.scene.reading import exact_distance, read_as_distance, reads_field, touching_glass
+from raymarch.scene.reading import exact_distance, read_as_distance, reads_field, touching_glass, touching_materials
 from raymarch.scene.scene import Scene, all_nodes
 from raymarch.scene.studio import in_studio
 from raymarch.sdf.advance import is_implicit
@@ -67,7 +67,7 @@ def misread(scene: Scene, values: Values | None = None) -> list[Doubt]:
     effect = "AmbientOcclusion" if scene.occlusion is not None else ""
     if any(map(reads_field, scene.lights)):
         effect = effect or "a penumbra"
-    found = [*_wide_paths(scene), *_glass_faces(scene)]
+    found = [*_wide_paths(scene), *_inner_faces(scene)]
     if not effect:
         return found
     found += narrow(scene)
@@ -98,8 +98,13 @@ def misread(scene: Scene, values: Values | None = None) -> list[Doubt]:
     return [*found, Doubt("plan", f"{what}; {so}", DISTANT)]
 
 
-def _glass_faces(scene: Scene) -> list[Doubt]:
-    """The doubt about glass solids that touch, where glass also touches what is no glass."""
+def _inner_faces(scene: Scene) -> list[Doubt]:
+    """The doubt about glass solids that touch, where glass also touches what is no glass, and about solids that touch
+    and scatter light below their surface."""
+    waxen = scene.path_traced and any(m.scatters for m in scene.materials)
+    if waxen and any(all(m.scatters for m in of) for of in touching_materials(scene, scene.node)):
+        what = "solids that scatter light below their surface touch at a face, which that light does not pass"
+        return [Doubt("plan", what, "solids that overlap a little", where=scene.node.where)]
     if touching_glass(scene, scene.node) != {True, False}:
         return []
     what = "glass solids touch at a face, and glass stands on a face of another material: rays see both faces"

@@ -8,6 +8,7 @@ from raymarch.expr.intervals import interval_of
 from raymarch.scene.light import Light
 from raymarch.scene.material import Material
 from raymarch.scene.scene import Scene, all_nodes
+from raymarch.sdf.labels import seen_labels
 from raymarch.sdf.levels import may_touch, touching
 from raymarch.sdf.node import Node
 from raymarch.sdf.tools import with_longer_tools
@@ -60,26 +61,22 @@ def touching_glass(scene: Scene, root: Node) -> set[bool]:
     """
     if not scene.bounces or not any(material.transmits for material in scene.materials):
         return set()
-    pending, visited, found = [(root, scene.materials[0])], set(), set()
-    while pending:
+    faces = touching_materials(scene, root)
+    return {all(m.transmits for m in of) for of in faces if any(m.transmits for m in of)}
+
+
+def touching_materials(scene: Scene, root: Node) -> list[set[Material]]:
+    """The materials at each face at which solids touch."""
+    pending, found = [(root, scene.materials[0])], []
+    visited: set[tuple[int, Material]] = set()
+    while pending and len(visited) < MEASURED:
         node, outer = pending.pop()
         if (id(node), outer) in visited:
             continue
         visited.add((id(node), outer))
         inner = outer if node.label is None else node.label
         pending += [(child, inner) for child in node.children]
-        for i, k in touching(node) if len(visited) <= MEASURED else ():
-            kinds = _transmits(node.children[i], inner) | _transmits(node.children[k], inner)
-            found |= {False not in kinds} if True in kinds else set()
-    return found
-
-
-def _transmits(root: Node, outer: Material) -> set[bool]:
-    """Whether the materials of a solid transmit light. outer : of parts without one."""
-    pending, found = [(root, outer)], set()
-    while pending:
-        node, outer = pending.pop()
-        inner = outer if node.label is None else node.label
-        pending += [(child, inner) for child in node.children]
-        found |= set() if node.children else {inner.transmits}
+        for pair in touching(node):
+            sides = [node.children[i] for i in pair] if node.children else [node]
+            found.append(set().union(*(seen_labels(side, inner) for side in sides)))
     return found

@@ -37,11 +37,11 @@ def cutting(children: Sequence[Node]) -> Sequence[Node]:
     return [child for child in children if child.labelled] if children[0].labelled else children
 
 
-def seen_labels(root: Node) -> set[Any]:
-    """The labels of all visible parts. Of nested labels, the innermost applies."""
+def seen_labels(root: Node, outer: Any = None) -> set[Any]:
+    """The labels of all visible parts. Of nested labels, the innermost applies. outer : of parts without one."""
     found: set[Any] = set()
     visited: set[tuple[Node, Any]] = set()
-    pending: list[tuple[Node, Any]] = [(root, None)]
+    pending: list[tuple[Node, Any]] = [(root, outer)]
     while pending:
         node, label = each = pending.pop()
         if each in visited:

@@ -4,7 +4,7 @@ steep the field is there."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
 from typing import TypeAlias
 
@@ -20,6 +20,7 @@ from raymarch.expr.samples import Samples
 from raymarch.expr.vocabulary import clamp, length, vec3
 from raymarch.sdf.definition import PLACED
 from raymarch.sdf.evaluation import evaluate_both, evaluate_undivided, undivided_field
+from raymarch.sdf.labels import rows_of
 from raymarch.sdf.node import Node, all_nodes
 from raymarch.sdf.same import remembered
 
@@ -312,17 +313,38 @@ def _has_membrane(node: Node) -> bool:
 @remembered
 def touching(node: Node) -> set[tuple[int, int]]:
     """Children of a node that touch at a common face, by their numbers, found by points on it; equal ones for copies of
-    a child. There the field is 0 and negative on both sides, which is no surface to a ray inside."""
-    if node.dimension != 3 or not node.children or node.label is not None or node.placed_as in PLACED:
+    a child, also those in rows. There the field is 0 and negative on both sides, which is no surface to a ray inside.
+    """
+    rows, single = rows_of(node), len(node.children) < 2
+    few = bool(node.children) if rows is None else len(rows) <= PROBES
+    if node.dimension != 3 or not few or node.label is not None or node.placed_as in PLACED:
         return set()
-    single = len(node.children) == 1
     found = set()
-    for i, surface in enumerate((node.children[0], node) if single else node.children[:MEASURED]):
+    for i, surface in enumerate((*node.children, node)) if single else _met_by_others(node.children):
         points = _surface_points(surface, PROBES // 8) if surface.dimension == 3 else None  # not of a flat profile
         if points is None or int((flat := _flat_between(node, points, -1.0)).sum()) < 4:
             continue
         beyond = points[0][flat] + 1e-6 * points[2] * points[1][flat]
         found |= {(0, 0)} if single else {(i, k) for k, c in enumerate(node.children) if k != i and _holds(c, beyond)}
+    return found
+
+
+TOUCHED = 64
+"""Maximum number of children of a node that are asked for others at their surface; of many, which take longer to
+evaluate, `MEASURED`."""
+
+
+def _met_by_others(children: Sequence[Node]) -> list[tuple[int, Node]]:
+    """Children whose boxes meet that of another one, with their numbers."""
+    lower, upper = (np.array([c.bounds[k] for c in children]) for k in (0, 1))
+    found, most = [], TOUCHED if len(children) <= TOUCHED else MEASURED
+    for i, child in enumerate(children):
+        slack = 1e-6 * (np.abs(upper[i]) + np.abs(lower[i]))
+        meets = np.all((lower <= upper[i] + slack) & (lower[i] - slack <= upper), axis=1)
+        if meets.sum() > 1 and not child.facts.empty:
+            found.append((i, child))
+        if len(found) == most:
+            break
     return found
 
 

@@ -124,6 +124,18 @@ CASES |= {
         of_glass(rm.box(20)),
         ALL_GLASS,
     ),
+    "touching glass of many": (
+        *(
+            rm.union(*(rm.box(8).translate((14 * i - 140, -20, -60)) for i in range(20)), of_glass(node))
+            for node in (HALF.translate((-5, 0, 0)) | HALF.translate((5, 0, 0)), rm.box(20))
+        ),
+        ALL_GLASS,
+    ),
+    "glass instances": (
+        of_glass(rm.instances(HALF, [(-5, 0, 0), (5, 0, 0)])),
+        of_glass(rm.box(20)),
+        ALL_GLASS,
+    ),
     "glass cells": (of_glass(CELLS[0]), of_glass(CELLS[1]), ALL_GLASS),
     "endless glass cells": (
         of_glass(rm.box((10, 4, 10)).repeat((10, None, 10))),

@@ -23,7 +23,7 @@ from tests.lab.flush_cuts import (
 
 SHORT = (
     *("plate .001", "each far", "shadow", "mirror", "xor", "xor of itself", "complement of a union"),
-    *("touching glass", "endless glass cells"),
+    *("touching glass", "touching glass of many", "glass instances", "endless glass cells"),
 )
 AHEAD = ("extruded", "itself", "glass cells")
 ADVANCE = rm.Quality(tracer="advance")
@@ -143,3 +143,13 @@ def test_rays_in_glass_see_what_it_touches(name: str, integrator: str, small: rm
     )
     noise = 0.01 if integrator == "path" else 1e-3
     assert np.all(np.abs(np.mean(seen - wanted, axis=(0, 1))) < noise)
+
+
+def test_wax_that_touches_wax_is_doubted() -> None:
+    """Walks below its surface end at the face between: a seam that no solid in one piece has."""
+    wax = rm.Material(albedo=(0.9, 0.5, 0.4), subsurface=1, subsurface_radius=3)
+    for apart, doubted in ((5.0, True), (4.9, False)):
+        pair = (HALF.translate((-apart, 0, 0)) | HALF.translate((apart, 0, 0))).material(wax)
+        scene = rm.Scene(pair, camera(), bounces=2)
+        assert any("touch at a face" in doubt for doubt in plan(scene).warnings) == doubted
+        assert not any("touch at a face" in doubt for doubt in plan(scene.replace(bounces=0)).warnings)
