@@ -254,8 +254,8 @@ def findings(made: Sweep, metric: str = "pixels_p99") -> list[str]:
 
 
 def judged(made: Sweep) -> str:
-    """How the recommended settings were judged; "" without further views."""
-    if not made.views:
+    """How the recommended settings were judged; "" without further views, and if nothing is hit."""
+    if not made.views or made.blank:
         return ""
     return (
         f"A setting of the march is recommended only if it keeps its error in {len(made.views)} further views too: "

@@ -67,7 +67,7 @@ def show(plan: Plan, modules: Mapping[str, str], shader_bytes: int, console: Any
     def row(name: str, text: str) -> None:
         console.print(f"  {name:<{WIDTH}}  {text}", markup=False)
 
-    heading("Field")
+    console.print("[bold]Field[/bold]")  # the first line
     lower, upper = (", ".join(f"{v:.4g}" for v in corner) for corner in node.bounds)
     row("exactness", f"{node.exactness}: {_MEANING[node.exactness]}")
     row("lipschitz", f"{node.lipschitz:.4g}")
