@@ -150,7 +150,8 @@ def caption(file: Path) -> str:
 def cost(count: dict[str, Any]) -> str:
     """What a scene costs, as one sentence."""
     primary, every = count["evaluations"], count["all_evaluations"]
-    return f"{primary:g} evaluation{'s' * (primary != 1)} per pixel for camera rays, {every:g} with shading and all other rays"
+    word = "evaluation" if primary == 1 else "evaluations"
+    return f"{primary:g} {word} per pixel for camera rays, {every:g} with shading and all other rays"
 
 
 def page(counts: dict[str, dict[str, Any]]) -> str:

@@ -200,7 +200,7 @@ def check_apart(read: Iterable[str], outputs: Iterable[Path | None], error: type
     inputs = {_identity(name) for name in read if may_belong(name)} - {None}
     for file in outputs if inputs else ():
         if file is not None and _identity(file) in inputs:
-            raise error(f"cannot write '{file}': the scene reads it", legal="another name")
+            raise error(f"cannot write '{file}': this command reads it", legal="another name")
 
 
 def _identity(file: str | os.PathLike[str]) -> tuple[int, int] | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,7 +15,7 @@ import typer
 
 from raymarch.cli.common import CommandError, NoMeasured, SceneFile, Settings, errors, parse_settings, parse_size
 from raymarch.cli.presets import Preset, check_preset
-from raymarch.files import read_json, reading
+from raymarch.files import check_apart, read_json, reading
 
 SLOW = 2.0
 """Seconds after which the start is reported: a scene file may take long, or never end."""
@@ -70,6 +71,7 @@ def run(
     no_measured: NoMeasured = False,
 ) -> None:
     _check(budget, demo_seconds, time)
+    check_apart([os.path.abspath(file) for file in (scene, settings, cost) if file is not None], [log], CommandError)
     from raymarch.window.accuracy import MEASURED, Stop, measured_stops
     from raymarch.window.outside import listening
     from raymarch.window.viewer import Viewer  # imports glfw: only when a window opens

@@ -140,6 +140,8 @@ def test_an_interrupt_that_a_package_loses_while_it_is_imported_ends_the_command
         "prove wood.py -o wood.png",
         "prove wood.py --json wood.json",
         "cost wood.py --json wood.json",
+        "view wood.py --log wood.py",
+        "view wood.py --settings wood.json --log wood.json",
     ],
 )
 def test_a_file_that_the_scene_reads_is_not_replaced(
@@ -157,7 +159,7 @@ def test_a_file_that_the_scene_reads_is_not_replaced(
     )
     before = {file.name: file.read_bytes() for file in folder.iterdir() if file.is_file()}
     assert run(*words.split()) == 2
-    assert ": the scene reads it (another name)" in capsys.readouterr().err
+    assert ": this command reads it (another name)" in capsys.readouterr().err
     assert {name: Path(name).read_bytes() for name in before} == before
 
 
