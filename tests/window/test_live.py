@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -342,8 +342,9 @@ def test_the_help_has_four_groups(session: Session) -> None:
     ]
 
 
-def test_the_panel_is_narrow_and_remembers_it(session: Session, display: str) -> None:
+def test_the_panel_is_narrow_and_remembers_it(view: Callable[..., Session], display: str) -> None:
     """Also which sections are open, in the user's folder of settings."""
+    session = view(SCENE, "--size", "640x640", "--panel")
     hand = session.hand
     mark = session.mark()
     hand.key("Shift_L", "Tab")
