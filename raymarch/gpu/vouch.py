@@ -290,6 +290,7 @@ def of_one_tone(shown: NDArray[Any], sky: NDArray[np.bool_], scene: Scene) -> Do
         return None
     light = _high(lit.max(axis=1))
     wanted = np.clip(-np.ceil(10.0 * np.log2(max(light, 1e-9))) / 10.0 - float(high < FAINT), -30.0, 30.0)
+    wanted = wanted if high < FAINT else min(wanted, -0.5)  # also of surfaces that are just white
     exposure = f"rm.ToneMapping(exposure={wanted:.1f})"
     if high < FAINT:
         what = f"all surfaces are nearly black, at most {high:.0f} of 255"

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import Doubt, SceneError
-from raymarch.expr.arrays import SMALLEST
+from raymarch.expr.arrays import SMALLEST, evaluator
 from raymarch.expr.derivative import companion
 from raymarch.expr.function import Function
 from raymarch.expr.intervals import interval_of
@@ -194,17 +194,21 @@ def moved_otherwise(root: Node, doubted: bool = False) -> Iterator[Doubt]:
                 cure = f"{node.name} before what deforms or blends the solid"
         if wrong or not doubted:
             yield Doubt("plan", f"{what}: the surface {so}", cure, node.where)
-        yield from _false_walls(node)
+        yield from _false_walls(node, now=doubted)
     if (sheet := _without_inside(root)) is not None and (cut := flush_cut(root)) is not None:
         what = f"{cut.name} cuts flush with a face, and leaves a membrane there, which is drawn as {sheet.name} is"
         yield Doubt("plan", what, f"a tool that reaches beyond the face, or a thickness of {sheet.name}", cut.where)
 
 
-def _false_walls(node: Node) -> Iterator[Doubt]:
+def _false_walls(node: Node, now: bool) -> Iterator[Doubt]:
     """Doubts about an offset or a shell that draws a face where its child has none: there the child's field is 0, as
-    where a tool ends flush with a face, or, from inside, where the parts of a union touch."""
+    where a tool ends flush with a face, or, from inside, where the parts of a union touch.
+
+    now : by the length at the time and with the parameters that are bound, not by all that it may be.
+    """
     (child,), (moved,) = node.children, node.params.values()
-    low, high = (float(end) for end in interval_of(moved))
+    ends = evaluator([moved], ())() * 2 if now and not moved.is_constant else interval_of(moved)
+    low, high = (float(end) for end in ends)
     inward, outward = (0.5 * high, 0.5 * high) if node.name == "shell" else (-low, high)
     cut = flush_cut(child) if outward > 0.0 else None
     if cut is None and outward > 0.0 and (short := short_tool(child, outward)) is not None:

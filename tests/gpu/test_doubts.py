@@ -317,3 +317,11 @@ def test_what_float32_rounds_is_said_of_solids_that_time_has_moved(renderer):
     parallel = rm.Camera((0, 0, 1e6), (0, 0, 0), projection="orthographic", height=4)
     (doubt,) = renderer.render(rm.Scene(rm.box(2), parallel)).doubts()
     assert "a nearer camera, which shows the same" in doubt
+
+
+def test_faces_that_an_offset_draws_are_said_while_it_draws_them(renderer):
+    out = rm.Param("out", 0.0, -0.2, 0.2)
+    pair = (rm.box(1) | rm.box(1).translate((1, 0, 0))).offset(out)
+    for value, said in ((-0.1, True), (0.1, False), (-0.2, True)):
+        doubts = renderer.render(rm.Scene(pair), params={"out": value}).doubts()
+        assert any("where parts of union touch" in doubt for doubt in doubts) == said

@@ -98,6 +98,14 @@ def test_surfaces_of_one_tone_are_said_with_an_exposure(light: rm.Light, tone: r
         assert not renderer.render(scene.replace(node=(BALL | FLOOR).material(rm.Material.unlit("white")))).doubts()
 
 
+def test_a_floor_that_is_just_white_gets_an_exposure_that_changes_it() -> None:
+    floor = rm.plane().material(rm.Material((1, 1, 1), specular=0, ambient=0))
+    scene = rm.Scene(floor, rm.Camera((0, 9, 0.1), (0, 0, 0)), lights=[rm.Sun((0, 1, 0))])
+    with rm.Renderer((48, 27)) as renderer:
+        (doubt,) = renderer.render(scene).doubts()
+    assert "nearly white" in doubt and "exposure=-0.5" in doubt
+
+
 def test_the_exposure_that_ends_white_is_that_of_the_light() -> None:
     """It was moved by the exposure that the scene has already, and ended nothing."""
     scene = rm.Scene(BALL | FLOOR, rm.Camera((0, 2, 5), (0, 0, 0)), lights=[rm.Sun(intensity=9)])
