@@ -163,6 +163,19 @@ def typed(rule: Rule, node: Any, *values: Span) -> Span:
     return rule(Typed(node.type, (Typed(node.type),) * len(values)), *values)
 
 
+def _minus_clamped(node: Expr, a: Span, b: Span) -> Span:
+    """x - y; of a number less what it is clamped to, what is above the greater end and what is below the lesser one."""
+    clamped = node.args[1]
+    if clamped.op != "clamp" or clamped.args[0] is not node.args[0] or any(v.op != "const" for v in clamped.args[1:]):
+        return SUB(node, a, b)
+    least, most = (lifted(constant(np.asarray(v.data, np.float64)), v.type, node.type) for v in clamped.args[1:])
+    if not np.all(least.low <= most.low):
+        return SUB(node, a, b)
+    zero = constant(np.asarray(0.0))
+    above = typed(MAX, node, typed(SUB, node, a, most), zero)
+    return typed(ADD, node, above, typed(MIN, node, typed(SUB, node, a, least), zero))
+
+
 def _mix(node: Expr, a: Span, b: Span, t: Span) -> Span:
     a, b, t = (lifted(v, arg.type, node.type) for v, arg in zip((a, b, t), node.args, strict=True))
     one = constant(np.asarray(1.0))
@@ -310,7 +323,7 @@ def _times_two(a: Interval) -> Interval:
 
 RULES: Mapping[str, Rule] = {
     "add": ADD,
-    "sub": SUB,
+    "sub": _minus_clamped,
     "mul": lambda node, a, b: SQUARE(node, a) if node.args[0] is node.args[1] else MUL(node, a, b),
     "div": DIV,
     "neg": _each(r.negative, lambda a, _result: r.negative(a.slope)),

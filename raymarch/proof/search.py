@@ -31,7 +31,7 @@ have taken `ENOUGH` together."""
 ENOUGH = 1 << 21
 """Evaluations of rays that are judged together. Only fractals and other estimates come near: theirs take 20 us each."""
 
-BLIND = 32.0
+BLIND = 1.0
 """Length of a stretch, in tolerances, that is not halved if its enclosure and that of its centre are unbounded."""
 
 LOST = 16
@@ -157,7 +157,7 @@ def free(
     """Prove stretches free. `verdict.low` becomes the start of the first one that is not.
 
     slivers : a short stretch is no obstacle, even if it crosses a surface, if a point within the tolerance lies
-        outside. These stretches are returned.
+        outside; and neither is a longer one, if all points at one offset from it do. These stretches are returned.
     """
     left, thin = [verdict.left], [EMPTY]
     pending, within = [work], given.within
@@ -185,9 +185,10 @@ def free(
         if slivers:
             tiny = ~blind & (length <= SLIVER * within[now.rays])
             rows = np.flatnonzero(~is_free & (in_solid | tiny))
-            shallow = _around(given, now.rays[rows], centre[rows], verdict, outside=True)
+            shallow, off = _around(given, now.rays[rows], centre[rows], verdict, outside=True)
             in_solid[rows[shallow]] = stop[rows[shallow]] = False
-            rows = rows[shallow & tiny[rows]]
+            rows, off = rows[shallow], off[shallow]
+            rows = rows[tiny[rows] | _beside_free(given, now[rows], off, verdict)]
             thin.append(now[rows])
             is_free[rows] = True
         np.minimum.at(verdict.high, now.rays[in_solid], centre[in_solid])
@@ -206,6 +207,17 @@ def free(
     verdict.left = Stretch.joined(left)
     np.minimum.at(verdict.low, verdict.left.rays, verdict.left.start)
     return Stretch.joined(thin)
+
+
+def _beside_free(given: Given, some: Stretch, off: Array, verdict: Verdict) -> NDArray[np.bool_]:
+    """Whether stretches are free if they are moved: then each of their points has one beside it that is outside."""
+    rays, free_ = given.rays[some.rays], np.ones(len(some), bool)
+    moved = Rays(rays.origins + off, rays.directions)
+    work = given.operands.met(moved, some.start, some.end)
+    range_, _, _ = given.operands.enclose(moved, work, 0.5 * (work.start + work.end))
+    verdict.evaluations += np.bincount(some.rays[work.rays], minlength=len(given))
+    free_[work.rays[~(range_[0] > 0.0)]] = False
+    return free_
 
 
 def _rest(some: Stretch, centre: Array, value: Array, slope: Interval) -> Stretch:
@@ -252,7 +264,7 @@ def _late(given: Given, thin: Stretch, free_to: Array, found: NDArray[np.bool_],
     own = Verdict.unknown(last)
     free(part, part.operands.met(part.rays, begin[rows], last), last, part.shortest, own, slivers=False)
     late = np.flatnonzero(own.low < last)
-    shallow = _around(part, late, part.hit[late], own, outside=True)
+    shallow, _ = _around(part, late, part.hit[late], own, outside=True)
     verdict.grazing[rows[late[shallow]]] = True
     deep = late[~shallow]
     own.left = own.left[np.isin(own.left.rays, deep)]
@@ -281,23 +293,30 @@ def _inside(given: Given, at: Array, verdict: Verdict, some: Whole) -> NDArray[n
     return inside
 
 
-def _around(given: Given, some: Whole, at: Array, verdict: Verdict, outside: bool) -> NDArray[np.bool_]:
-    """Whether a point in the solid, or outside of it, lies within the tolerance of points on rays.
+def _around(given: Given, some: Whole, at: Array, verdict: Verdict, outside: bool) -> tuple[NDArray[np.bool_], Array]:
+    """Whether a point in the solid, or outside of it, lies within the tolerance of points on rays; and its offset.
 
     some : the rays. at : the points on them. Asked are the points and places on a sphere: of a sharp edge, the solid
     fills a small part of it. Where the cube around the sphere is all outside, or all in the solid, there is none.
     """
-    found = np.zeros(len(some), bool)
+    found, offset = np.zeros(len(some), bool), np.zeros((len(some), 3))
     possible = _may_differ(given, some, at, verdict, outside)
     for directions in (np.zeros((1, 3)), EVERY[::STEP], np.delete(EVERY, np.s_[::STEP], axis=0)):
         open_ = np.flatnonzero(possible & ~found)
         if not len(open_):
             break
         free_, solid, unknown = _near(given, some[open_], at[open_], directions, verdict)
-        found[open_] = np.any(free_ if outside else solid, axis=1)
+        asked = free_ if outside else solid
+        found[open_] = np.any(asked, axis=1)
+        offset[open_] = _length(given, some[open_]) * directions[np.argmax(asked, axis=1)]
         if len(directions) == FIRST:
             possible[open_] &= ~unknown.all(axis=1)
-    return found
+    return found, offset
+
+
+def _length(given: Given, some: Whole) -> Array:
+    """How far places around points lie from them, (n, 1)."""
+    return (1.0 - SLIVER) * given.within[some, None]
 
 
 def _near(given: Given, some: Whole, at: Array, directions: Array, verdict: Verdict) -> tuple[Array, Array, Array]:
@@ -305,7 +324,7 @@ def _near(given: Given, some: Whole, at: Array, directions: Array, verdict: Verd
     solid for certain, or neither, where a value is not known to the tolerance."""
     count = len(directions)
     places = given.rays.origins[some] + at[:, None] * given.rays.directions[some]
-    points = (places[:, None] + (1.0 - SLIVER) * given.within[some, None, None] * directions).reshape(-1, 3)
+    points = (places[:, None] + _length(given, some)[:, None] * directions).reshape(-1, 3)
     owners, zero = np.repeat(some, count), np.zeros(len(points))
     part = Rays(points, np.zeros((len(points), 3)))
     work = given.operands.met(part, zero, zero)
@@ -362,7 +381,7 @@ def _beside(given: Given, some: Whole, verdict: Verdict) -> None:
     free(part, part.operands.met(part.rays, first, last), last, part.shortest / 16.0, own, slivers=False)
     solid, is_free = own.high <= last, own.low >= last
     grazing = np.flatnonzero(~solid)
-    grazing = grazing[_around(part, grazing, part.hit[grazing], own, outside=False)]
+    grazing = grazing[_around(part, grazing, part.hit[grazing], own, outside=False)[0]]
     verdict.grazing[some[grazing]] = True
     verdict.high[some[solid]] = own.high[solid]
     verdict.low[some[is_free]] = last[is_free]

@@ -83,6 +83,21 @@ def test_random_trees_are_enclosed(tree: Node, seed: int) -> None:
     enclosed(field.body, field.params[0], seed, 3.0)
 
 
+@pytest.mark.parametrize("ends", [(-0.6, 0.9), ((-0.5, -9.0, 0.1), (0.5, 9.0, 0.1)), (0.9, -0.6)])
+def test_a_point_less_where_it_is_clamped_to_is_0_inside(ends: tuple[rm.Vec3Like, rm.Vec3Like]) -> None:
+    """Also of ends in the wrong order, of which a clamp takes the second one."""
+    beyond = P - rm.clamp(P, *(rm.vec3(*end) if isinstance(end, tuple) else end for end in ends))
+    for seed, part in enumerate((beyond.x, beyond.y, beyond.z, rm.dot(beyond, beyond))):
+        enclosed(part, P, seed, 1.5)
+    random = np.random.default_rng(4)
+    shot, length = Rays(random.uniform(-0.4, 0.4, (9, 3)), random.uniform(-0.1, 0.1, (9, 3))), np.ones(9)
+    with stretches(0.5 * length, 0.5 * length):
+        points = shot.points(np.arange(9), 0.0 * length, length, 0.5 * length)
+        found: Span = Program([beyond.x], [P], ENCLOSURES)(points)[0]
+    if ends[0] != 0.9:
+        assert np.all(found.low == 0.0) and np.all(found.high == 0.0)
+
+
 @pytest.mark.parametrize("part", [0.0, 0.25, 0.5])
 def test_the_hash_of_one_cell_is_one_number(part: float) -> None:
     """Also of a cell and a half, which lies on the border of two."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 from itertools import pairwise
+from pathlib import Path
 from typing import cast
 
 import numpy as np
@@ -14,7 +15,8 @@ from raymarch.proof import search
 from raymarch.proof.parts import Operands
 from raymarch.proof.rays import Rays, Stretch
 from raymarch.proof.rounding import Array, Interval
-from raymarch.proof.search import Given, Verdict, _rest
+from raymarch.proof.search import CONTRADICTED, PROVED, Given, Verdict, _rest, judge
+from raymarch.scene.file import load
 from raymarch.scene.parameter import Values
 
 
@@ -62,6 +64,21 @@ def test_values_over_a_jump_lie_within_the_hull_of_the_slopes(solid: rm.Node) ->
         assert np.all(value >= at[0] + np.minimum(*ends) - 1e-12) and np.all(value <= at[1] + np.maximum(*ends) + 1e-12)
 
 
+@pytest.mark.parametrize("solid", [rm.sphere(0.4), rm.box((9.0, 0.8, 0.8)).rotate(-0.02, "z"), rm.torus(0.35, 0.05)])
+def test_what_is_less_deep_than_the_tolerance_takes_few_enclosures(solid: rm.Node) -> None:
+    """Along all of it there is a point outside beside the ray, at one offset. What is deeper is found."""
+    count, within = 60, 0.01
+    origins = np.stack([np.full(count, -1.0), np.linspace(0.43, 0.37, count), np.zeros(count)], axis=1)
+    way, zero, end = np.tile([1.0, 0.0, 0.0], (count, 1)), np.zeros(count), np.full(count, 2.0)
+    along = origins[:, None] + np.linspace(0.0, 2.0, 999)[:, None] * way[:, None]
+    deepest = -solid.distance(along.reshape(-1, 3)).reshape(count, -1).min(axis=1) / within
+    made = Operands(solid, Values({}, 0.0), "camera", whole=False)
+    tolerance = np.full(count, within)
+    verdict = judge(Given(made, Rays(origins, way), zero, end, np.inf * end, tolerance, tolerance / 64.0))
+    assert np.all(verdict.state[deepest < 0.8] == PROVED) and np.all(verdict.state[deepest > 1.0] == CONTRADICTED)
+    assert (deepest < 0.8).sum() > 6 and verdict.evaluations[deepest < 0.8].max() < 100
+
+
 class Blind:
     """An operand of which nothing is known, and that has no box."""
 
@@ -88,6 +105,13 @@ def test_all_rays_together_have_a_bound(monkeypatch: pytest.MonkeyPatch) -> None
         assert (verdict.low < end).all()
         taken.append(verdict.evaluations.max())
     assert taken[0] > search.MOST and search.FEW < taken[1] < 3 * search.FEW
+
+
+def test_most_hits_of_a_fractal_are_proved_in_few_enclosures() -> None:
+    """Its field has no bounds along stretches that are many tolerances long, but along shorter ones."""
+    scene = load(Path(__file__).parents[2] / "examples" / "mandelbulb.py")
+    found = rm.prove(scene, rm.truth(scene, (16, 9), outputs=("depth",)))
+    assert found.share > 0.4 and found.evaluations.mean() < 500
 
 
 class Hidden(Blind):
