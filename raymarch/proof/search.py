@@ -184,11 +184,8 @@ def free(
         stop |= unknown & lost.found(now.rays, centre, unknown, verdict)
         if slivers:
             tiny = ~blind & (length <= SLIVER * within[now.rays])
-            rows = np.flatnonzero(~is_free & (in_solid | tiny))
-            shallow, off = _around(given, now.rays[rows], centre[rows], verdict, outside=True)
-            in_solid[rows[shallow]] = stop[rows[shallow]] = False
-            rows, off = rows[shallow], off[shallow]
-            rows = rows[tiny[rows] | _beside_free(given, now[rows], off, verdict)]
+            shallow, rows = _slivers(given, now, centre, (tiny, np.flatnonzero(~is_free & (in_solid | tiny))), verdict)
+            in_solid[shallow] = stop[shallow] = False
             thin.append(now[rows])
             is_free[rows] = True
         np.minimum.at(verdict.high, now.rays[in_solid], centre[in_solid])
@@ -207,6 +204,21 @@ def free(
     verdict.left = Stretch.joined(left)
     np.minimum.at(verdict.low, verdict.left.rays, verdict.left.start)
     return Stretch.joined(thin)
+
+
+def _slivers(
+    given: Given, now: Stretch, centre: Array, asked: tuple[NDArray[np.bool_], Whole], verdict: Verdict
+) -> tuple[Whole, Whole]:
+    """The stretches whose centre has a point outside within the tolerance, and those of them that are no obstacle.
+
+    asked : which stretches are so short that their centre decides, (n,), and the numbers of those that are asked.
+    """
+    tiny, rows = asked
+    shallow, off = _around(given, now.rays[rows], centre[rows], verdict, outside=True)
+    rows, off = rows[shallow], off[shallow]
+    thin, long = tiny[rows], np.flatnonzero(~tiny[rows])
+    thin[long] = _beside_free(given, now[rows[long]], off[long], verdict)
+    return rows, rows[thin]
 
 
 def _beside_free(given: Given, some: Stretch, off: Array, verdict: Verdict) -> NDArray[np.bool_]:
