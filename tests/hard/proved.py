@@ -16,8 +16,8 @@ LEDGER = Path(__file__).parents[2] / "docs" / "figures" / "proved.json"
 MOST = 6
 """Largest number of frames of a case that are proved: the first of different scenes."""
 LARGEST = 160 * 120
-"""Pixels of the largest frames that are proved. Estimates are left out: of the hits of fractals, intervals prove next
-to none, in minutes."""
+"""Pixels of the largest frames that are proved. Estimates are left out: rays end before their surfaces, and proofs of
+fractals take a minute each."""
 
 EXPLAINED = {
     "81-roofs-thinner-than-a-pixel": "with epsilon 0.5, rays may pass a roof that is thinner than that",
