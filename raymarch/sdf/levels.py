@@ -281,7 +281,7 @@ FLAT = 16.0
 def may_touch(root: Node) -> bool:
     """True if the field may fall to 0, or to the rounding of float32, where there is no surface.
 
-    A node of a tree cuts, or an exclusive or or the complement of a union does: a face of the solid may be flush with
+    A node of a tree cuts, or an exclusive or, or the complement of a union, does: a face of the solid may be flush with
     one of the solid that cuts it.
     Or an uneven scale makes the field so flat that it is small far from the surface. False if some shape has no inside,
     as a `disc` of thickness 0: it is drawn where the field is 0.
@@ -304,7 +304,8 @@ def flush_cut(root: Node) -> Node | None:
 
 def _leaves_faces(node: Node) -> bool:
     """True if the field of a node may be 0 and positive on both sides, as where it cuts flush with a face."""
-    return node.definition.cuts or node.definition.touches or node.name == "complement"
+    united = node.name == "complement" and any(n.placed_as == "union" for n in all_nodes(node.children[0]))
+    return node.definition.cuts or node.definition.touches or united
 
 
 @remembered
