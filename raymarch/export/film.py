@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-from PIL import Image, ImageChops
+from numpy.typing import NDArray
+from PIL import Image
 
 from raymarch.errors import SceneError
+from raymarch.export.palette import Palette, packed
 from raymarch.files import install
 
 CODECS: Mapping[str, tuple[str, str, Mapping[str, str]]] = {
@@ -65,25 +67,36 @@ def write_film(file: Path, suffix: str, pictures: Iterable[Image.Image], fps: fl
 
 
 def _write_gif(file: Path, pictures: Iterator[Image.Image], fps: float) -> None:
-    """Each picture has its own 256 colours, not dithered, and only the box of pixels that changed.
+    """Pictures of 256 colours, not dithered, each as the box of pixels that changed.
 
     Delays are rounded so that their sum is right. A picture equal to the last one prolongs its delay.
     """
     with file.open("wb") as out:
-        shown: Image.Image | None = None
+        palette: Palette | None = None
+        shown: NDArray[np.uint8] | None = None
         block, start, number = b"", 0, 0
         for number, picture in enumerate(pictures):
-            coded = picture.convert("RGB").quantize()
-            new = coded.convert("RGB")
-            box = (0, 0, *new.size) if shown is None else ImageChops.difference(new, shown).getbbox()
-            if shown is None:
-                out.write(b"GIF89a" + struct.pack("<2H3x", *new.size) + b"!\xff\x0bNETSCAPE2.0\x03\x01\0\0\0")
+            if palette is None:
+                out.write(b"GIF89a" + struct.pack("<2H3x", *picture.size) + b"!\xff\x0bNETSCAPE2.0\x03\x01\0\0\0")
+            pixels = packed(picture)
+            new = None if palette is None else palette.indices(pixels)
+            if palette is None or new is None:
+                palette, shown = Palette(picture), None
+                new = palette.indices(pixels)
+                assert new is not None
+            box = (0, 0, *picture.size) if shown is None else _box(new != shown)
             if box is None:
                 continue
             start = _show(out, block, start, round(100 * number / fps))
-            shown, block = new, _gif_block(coded.crop(box), box[:2])
+            shown, block = new, _gif_block(palette.image(new).crop(box), box[:2])
         _show(out, block, start, round(100 * (number + 1) / fps))
         out.write(b";")
+
+
+def _box(changed: NDArray[np.bool_]) -> tuple[int, int, int, int] | None:
+    """The box of the pixels that changed: left, top, right and bottom; None if none did."""
+    rows, columns = (np.flatnonzero(changed.any(axis=axis)) for axis in (1, 0))
+    return (int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1) if len(rows) else None
 
 
 def _gif_block(picture: Image.Image, corner: tuple[int, int]) -> bytes:

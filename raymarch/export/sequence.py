@@ -347,7 +347,10 @@ class Runner:
 
         shot : with the parameters of this picture, if they change. Raises the errors of `draw`.
         """
-        shot = shot or self.shot
+        with self.renderer.context.bound():  # once, for all that asks for it
+            return self._picture(item, shot or self.shot, progress)
+
+    def _picture(self, item: Item, shot: Shot, progress: Callable[[float], None] | None) -> tuple[Item, Picture | None]:
         if self.renderer.size != item.size:
             self.renderer.resize(item.size)
         key = None

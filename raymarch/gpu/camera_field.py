@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raymarch.expr.arrays import bound, evaluator, value_of
+from raymarch.expr.arrays import bound, evaluator
 from raymarch.expr.function import Function
-from raymarch.expr.node import Expr
 from raymarch.expr.raw import without_twin
 from raymarch.expr.tables import LiveTable
 from raymarch.expr.walk import find, substitute
@@ -36,8 +35,8 @@ FINER = 3
 that of a repetition, a point of a coarse lattice tells little of the camera, and fine cells are soon left."""
 
 AROUND = np.stack(np.meshgrid(*[(0, -1, 1)] * 3, indexing="ij"), axis=-1).reshape(27, 3)
-"""A point of a lattice, and its neighbours. All are evaluated at once: the camera will pass some of them, and 27 points
-take hardly longer than one."""
+"""A point of a lattice, and its neighbours. All are evaluated at once, about the next point on the camera's way: it
+will pass some of them, and 27 points take hardly longer than one."""
 
 KEPT = 64
 """Maximum number of evaluations of such points that are kept."""
@@ -62,7 +61,10 @@ class CameraField:
         if not without_twin(start.body):
             self._functions = [start] if marched is None else [start, marched]
         self._known: dict[tuple[int, ...], tuple[float, NDArray[np.float64]]] = {}
+        self._before: dict[int, NDArray[np.float64]] = {}
+        """The last point that was not known, of each lattice."""
         self._values: bytes = b""
+        self._last: tuple[Any, dict[str, Any]] = None, UNKNOWN
         self.evaluated = 0
         """Number of evaluations so far."""
 
@@ -71,10 +73,8 @@ class CameraField:
         """True if the field is evaluated at the points of a lattice: it is certified, costly, and constant in time."""
         if self._plan.operations <= CHEAP or self._plan.scene.node.exactness == "estimate":
             return False
-        if any(name in self._plan.hoisted for name in (param.data.name for param in self._params)):
-            return False
-        read = find([function.body for function in self._functions], "time", "fetch")
-        return not any(node.op == "time" or isinstance(node.data, LiveTable) for node in read)
+        names, timed = self._reads
+        return not (timed or self._live or any(name in self._plan.hoisted for name in names))
 
     def uniforms(self, values: Values, position: NDArray[np.float64], step: float) -> dict[str, Any]:
         """The uniforms of a frame. values : with hoisted ones. step : length of the differences for the gradient.
@@ -85,6 +85,13 @@ class CameraField:
         """
         if not self._functions:
             return UNKNOWN
+        asked = self._read(values), position.tobytes(), step
+        if self._live or asked != self._last[0]:
+            self._last = asked, self._now(values, position, step)
+        return self._last[1]
+
+    def _now(self, values: Values, position: NDArray[np.float64], step: float) -> dict[str, Any]:
+        self._forget_other(values)
         with bound(values.params, values.time):
             found, gradient = self._near(position, step) if self.lattice else self._exact(position, step)
         side = -1.0 if found < 0.0 else 1.0
@@ -119,7 +126,6 @@ class CameraField:
 
     def _near(self, position: NDArray[np.float64], step: float) -> tuple[float, NDArray[np.float64]]:
         """A bound at the camera with the sign of the field, and the gradient near it."""
-        self._forget_other()
         level = self._coarsest(position)
         for _ in range(TRIES):
             cell = 2.0**level
@@ -141,22 +147,35 @@ class CameraField:
         """Evaluate the field at a point of a lattice and its neighbours."""
         while len(self._known) >= KEPT * len(AROUND):
             del self._known[next(iter(self._known))]
-        near = index + AROUND
+        near = index + np.clip(index - self._before.get(level, index), -1.0, 1.0) + AROUND
+        self._before[level] = index
         values, gradients = self._at(near * 2.0**level, step)
         for at, value, gradient in zip(near.astype(int).tolist(), values.tolist(), gradients, strict=True):
             self._known.setdefault((level, *at), (value, gradient))
 
-    def _forget_other(self) -> None:
+    def _forget_other(self, values: Values) -> None:
         """Forget all points if a parameter that the field reads has changed."""
-        now = b"".join(np.asarray(value_of(param)).tobytes() for param in self._params)
+        now = self._read(values)
         if now != self._values:
             self._known.clear()
             self._values = now
 
+    def _read(self, values: Values) -> bytes:
+        """The values of the parameters that the field reads, and of time if it does."""
+        names, timed = self._reads
+        return b"".join(np.asarray(values.params[name]).tobytes() for name in names) + (b"%a" % values.time) * timed
+
     @cached_property
-    def _params(self) -> list[Expr]:
-        """The parameters that the field reads; hoisted ones are of time."""
-        return find([function.body for function in self._functions], "param")
+    def _reads(self) -> tuple[list[str], bool]:
+        """The names of the parameters that the field reads; hoisted ones are of time. Whether it reads time itself."""
+        found = find([function.body for function in self._functions], "param", "time")
+        return [node.data.name for node in found if node.op == "param"], any(node.op == "time" for node in found)
+
+    @cached_property
+    def _live(self) -> bool:
+        """True if the field reads tables of other parameters."""
+        found = find([function.body for function in self._functions], "fetch")
+        return any(isinstance(node.data, LiveTable) for node in found)
 
     def _coarsest(self, position: NDArray[np.float64]) -> int:
         """The exponent of the first lattice: its cells fit if the field is the distance to the scene's box."""

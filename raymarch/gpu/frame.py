@@ -27,6 +27,11 @@ def srgb(linear: NDArray[Any]) -> NDArray[np.uint8]:
     return encode(np.clip(np.nan_to_num(linear.astype(np.float64), nan=0.0), 0.0, 1.0))
 
 
+def all_channels(holds: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Where something holds in all channels, (H, W). NumPy reduces a short last axis in ten times as long."""
+    return np.asarray(holds[..., 0] & holds[..., 1] & holds[..., 2])
+
+
 def png(image: Image.Image) -> bytes:
     """An image as a PNG file."""
     out = BytesIO()
@@ -235,8 +240,10 @@ class Frame:
         """The picture as the device encodes it, see `Display.light`; None if it does not."""
         if self._encoded is None and "color" not in self._arrays:
             unread = self._unread_array("color")
+            if unread.target is None or unread.target.context.driver.is_software:  # NumPy takes no longer there
+                return None
             with unread.texture() as target:
-                if target is not None and not target.context.driver.is_software:  # NumPy takes no longer there
+                if target is not None:
                     output = unread.chosen.outputs["color"]
                     self._encoded = display_of(target.context).light(target, output, self.tone)
         return self._encoded
@@ -252,9 +259,8 @@ class Frame:
             low, high = np.min(color), np.max(color)  # NaN if one is
             if high <= 1.0 and np.isfinite(low):
                 return 0, 0
-            finite = np.isfinite(color).all(axis=-1) if not (np.isfinite(low) and np.isfinite(high)) else True
-            red, green, blue = (color[..., k] > 1.0 for k in range(3))
-            return int(np.sum(np.logical_not(finite))), int(np.count_nonzero(finite & red & green & blue))
+            finite = all_channels(np.isfinite(color)) if not (np.isfinite(low) and np.isfinite(high)) else True
+            return int(np.sum(np.logical_not(finite))), int(np.count_nonzero(finite & all_channels(color > 1.0)))
 
     def _repr_png_(self) -> bytes:
         return png(self.image())

@@ -28,13 +28,20 @@ class Unread:
         target.context.unread.add(self)
 
     def array(self, name: str) -> NDArray[Any]:
-        """An array of the pass. Only the channels that it needs are read."""
+        """An array of the pass. Only the channels that it needs are read, and those of flags in the same texture."""
         target = self.target
         if name not in self._read and target is not None:
             with in_pass(self.chosen.name), target.context.bound():  # no other thread draws now
-                if self.target is not None:
-                    self._read[name] = self.chosen.outputs[name].read(target.channels)
+                if self.target is not None and name not in self._read:
+                    self._read |= self._with_flags(name, target)
         return self._read[name]
+
+    def _with_flags(self, name: str, target: Target) -> dict[str, NDArray[Any]]:
+        own = self.chosen.outputs[name]
+        flags = {n: o for n, o in self.chosen.outputs.items() if o.type == "?" and o.texture == own.texture}
+        wanted = {name: own, **flags}
+        texels = target.channels(own.texture, max(output.needed for output in wanted.values()))
+        return {n: output.read(lambda *_: texels) for n, output in wanted.items()}
 
     @contextmanager
     def texture(self) -> Iterator[Target | None]:

