@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 
 from raymarch.cli.common import CommandError, Sweep, errors
 from raymarch.cli.progress import watched
+from raymarch.export import png
 from raymarch.export.film import FILMS
 from raymarch.export.sequence import EDGE, LARGE, LONG, Item, check_suffix, frames_of, is_large, tiles_of
 from raymarch.export.stills import FORMATS, Shot
@@ -63,7 +64,7 @@ class Job:
         if self.target.suffix.lower() in (".tif", ".tiff") and is_large(self.size):
             import_optional(f"a large '{self.target}'", "tifffile", "tiff")
         tiles = tiles_of(self.target, self.items[0].time, self.size, edge or EDGE, CommandError)
-        return replace(self, items=tiles, shot=replace(self.shot, suffix=".png"))
+        return replace(self, items=tiles, shot=replace(self.shot, suffix=".png", level=png.DRAFT))
 
     def at(self, index: int) -> Shot:
         """The shot of an item, with the parameters of its neighbours."""

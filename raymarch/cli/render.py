@@ -29,6 +29,7 @@ from raymarch.cli.presets import Preset
 from raymarch.cli.report import reported
 from raymarch.cli.views import CHOICES, check_view
 from raymarch.cluster.source import Source, of_file
+from raymarch.export import png
 from raymarch.export.film import FILMS
 from raymarch.export.stills import Shot
 from raymarch.files import check_apart, folders_of, recorded
@@ -151,8 +152,10 @@ def run(
         check_outputs(target, view, alpha, layers, cryptomatte)
         items = parse_items(target, time, frames, fps, extent)
         check_apart(read, (target, *(item.file for item in items)), CommandError)
-        suffix = ".png" if target.suffix.lower() in FILMS else target.suffix.lower()
-        shot = Shot(extent, suffix, params, view, outputs, alpha, layers, cryptomatte, strict, fps)
+        suffix, level = target.suffix.lower(), png.FRAME if frames else png.STILL
+        if suffix in FILMS:
+            suffix, level = ".png", png.DRAFT
+        shot = Shot(extent, suffix, params, view, outputs, alpha, layers, cryptomatte, strict, fps, level=level)
         job = Job(found, target, items, shot, fps, frames is not None, choose, sweep, backend, device)
         if explain_time:
             explain_times(found, extent, items[0].time, params, backend, device)

@@ -20,7 +20,7 @@ from raymarch.cluster.source import Source, of_file, of_scene
 from raymarch.cluster.submit import RETRIES, TIMEOUT, Cluster, Failed, Options
 from raymarch.cluster.worker import Done, Refused, draw_batch, draw_item, merge
 from raymarch.errors import ClusterError, RaymarchError, RenderWarning, SceneError, warn
-from raymarch.export import stills
+from raymarch.export import png, stills
 from raymarch.export.behind import in_order
 from raymarch.export.film import FILMS
 from raymarch.export.sequence import Contents, Item, Parts, Placed, Runner, frames_of, join_film
@@ -268,8 +268,8 @@ def render_frames(
     items = frames_of(target, numbers, fps, (width, height))
     suffix = target.suffix.lower()
     alpha, strict = switch("render_frames: alpha", alpha), switch("render_frames: strict", strict)
-    form = ".png" if suffix in FILMS else suffix
-    shot = Shot((width, height), form, dict(params or {}), alpha=alpha, strict=strict)
+    form, level = (".png", png.DRAFT) if suffix in FILMS else (suffix, png.FRAME)
+    shot = Shot((width, height), form, dict(params or {}), alpha=alpha, strict=strict, level=level)
     with Parts(items, target) if suffix in FILMS else nullcontext() as parts:
         outcomes: Iterable[tuple[Item, Outcome]]
         if client is None:

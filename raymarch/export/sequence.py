@@ -362,7 +362,7 @@ class Runner:
         frame, doubts = draw(self.renderer, self.scene, shot, item.time, item.part, progress)
         view = self._show(self.renderer, frame, shot.view, self.scene, shot.params, progress)
         view = replace(view, image=cache(view.image))
-        writer = encoder(shot, self.renderer, self.scene, frame, view, key, draft=self._parts is not None)
+        writer = encoder(shot, self.renderer, self.scene, frame, view, key)
         counts = frame.evaluations if self._counts else None
         return item, Picture(frame.milliseconds, doubts, view, writer, counts)
 

@@ -64,6 +64,7 @@ class Shot:
     strict : refuse a picture that has doubts.
     fps : frames per second, for motion vectors. neighbours : parameters of the frames before and after this one;
         None if they do not change.
+    level : how much PNG files are compressed; see `raymarch.export.png`.
     """
 
     size: tuple[int, int]
@@ -77,6 +78,7 @@ class Shot:
     strict: bool = False
     fps: float = 30.0
     neighbours: tuple[Mapping[str, ParamValue], Mapping[str, ParamValue]] | None = None
+    level: int = png.STILL
 
     @property
     def label(self) -> str:
@@ -157,10 +159,10 @@ def save(image: Image.Image, file: Path, suffix: str, key: str | None) -> None:
     file.write_bytes(encoded(image, suffix, key))
 
 
-def encoded(image: Image.Image, suffix: str, key: str | None, draft: bool = False) -> bytes:
-    """The bytes of an 8-bit picture; see `save`. draft : compress a PNG file little, in a third of the time."""
+def encoded(image: Image.Image, suffix: str, key: str | None, level: int = png.STILL) -> bytes:
+    """The bytes of an 8-bit picture; see `save`. level : of a PNG file."""
     if suffix == ".png":
-        return png.encode(image, {} if key is None else {ENTRY: key}, draft)
+        return png.encode(image, {} if key is None else {ENTRY: key}, level)
     made = io.BytesIO()  # Pillow's encoders in C do not notice a disk that takes a part only
     image.save(made, FORMATS[suffix])
     return made.getvalue()
@@ -223,13 +225,10 @@ def view_of(frame: Frame, view: str, scene: Scene) -> Shown:
     return Shown(lambda: drawn(frame, view, scene), lambda: light(frame, view, scene))
 
 
-def encoder(
-    shot: Shot, renderer: Renderer, scene: Scene, frame: Frame, view: Shown, key: str | None, draft: bool = False
-) -> Writer:
+def encoder(shot: Shot, renderer: Renderer, scene: Scene, frame: Frame, view: Shown, key: str | None) -> Writer:
     """What writes a frame to a file in the format of the shot's suffix, whatever the name of the file.
 
     All that it needs of the device is read now, so that it may run in another thread while the next frame is drawn.
-    draft : the file is removed soon.
     """
     if shot.suffix == ".npz":
         for name in ARRAYS:
@@ -244,7 +243,7 @@ def encoder(
         values = {"RGBA": frame.premultiplied()} if shot.alpha else {"RGB": view.numbers()}
         return Writer(lambda file: write_channels(file, values))
     made = frame.image(alpha=True) if shot.alpha else view.image()
-    data = cache(lambda: encoded(made, shot.suffix, key, draft))
+    data = cache(lambda: encoded(made, shot.suffix, key, shot.level))
     return Writer(lambda file: file.write_bytes(data()), data)
 
 

@@ -79,20 +79,20 @@ class Prepared:
     def violations(self, values: Values) -> list[Doubt]:
         """What values of parameters and time make illegal, one sentence each. Those of the last frame are kept."""
         key = values.time, tuple(values.params.items())
-        return self._once("violations", key, lambda: violations(self.plan.conditions, values))
+        return self.once("violations", key, lambda: violations(self.plan.conditions, values))
 
     def pose(self, values: Values, aspect: float) -> Pose:
         """The pose of the scene's camera; see `Scene.pose`. That of the last frame is kept."""
         scene = self.plan.given
         still = all(value.is_constant for value in scene.camera.expressions)
         key = (aspect,) if still else (aspect, values.time, tuple(values.params.items()))
-        return self._once("pose", key, lambda: scene.pose(values, aspect))
+        return self.once("pose", key, lambda: scene.pose(values, aspect))
 
     @property
     def digest(self) -> bytes:
         """A hash of the texts of all passes. Textures are named there by their content."""
         listed = (f"{name}\0{text}\0" for name, text in sorted(self.texts.items()))
-        return self._once("digest", None, lambda: hashlib.sha256("".join(listed).encode()).digest())
+        return self.once("digest", None, lambda: hashlib.sha256("".join(listed).encode()).digest())
 
     @property
     def in_grids(self) -> Prepared:
@@ -100,9 +100,9 @@ class Prepared:
         made = self.plan
         marching = replace(made.marching, steps_per_pass=None)
         passes = [each for each in made.passes if each.often != "steps"]
-        return self._once("grids", None, lambda: assembled(replace(made, marching=marching, passes=passes), "GRID"))
+        return self.once("grids", None, lambda: assembled(replace(made, marching=marching, passes=passes), "GRID"))
 
-    def _once(self, name: str, key: Any, make: Callable[[], Result]) -> Result:
+    def once(self, name: str, key: Any, make: Callable[[], Result]) -> Result:
         """The last result of a name, made again if its key has changed."""
         known = self._kept.get(name)
         if known is None or known[0] != key:

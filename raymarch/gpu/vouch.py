@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raymarch.errors import Doubt
 from raymarch.expr.arrays import bound
+from raymarch.expr.walk import find
 from raymarch.gpu.frame import Frame, all_channels
 from raymarch.gpu.prepare import Prepared
+from raymarch.plan.hoisting import with_hoisted
 from raymarch.plan.objects import misread
 from raymarch.plan.unused import is_sampled
 from raymarch.scene.camera import Pose
@@ -57,15 +61,13 @@ def doubts_of(
     assert frame.pose is not None
     pose, pixels = frame.pose, frame.size[0] * frame.size[1]
     lost, above = frame._count_odd()
-    found: list[Doubt | None] = [*frame.warnings, *contradicted(scene, values), not_finite(lost, pixels)]
-    found += moved_otherwise(scene, values)
-    found += [noisy(scene), inside(ready, values, pose, frame.size), *ready.plan.without_effect]
-    found += [coarse(ready, values, pose, frame.size[1]), too_thin(ready, values, pose)]
+    found: list[Doubt | None] = [*frame.warnings, not_finite(lost, pixels)]
+    found += _kept("doubts", _of_scene, scene, ready, values, pose, frame.size)
     white = overexposed(frame.color, scene) if above > OVEREXPOSED * pixels else None
     if white is not None:
         found.append(clipped(white, frame.color, frame.material, scene))
     found.append(dark(frame.color, scene))
-    shown, sky = beside_sky(frame.color, scene, pose, values)
+    shown, sky = beside_sky(frame.color, scene, _kept("sky", sky_light, scene, ready, values, pose, frame.size))
     if not any(found):
         found.append(of_one_tone(shown, sky, scene))
     if arrived is not None:
@@ -77,6 +79,33 @@ def doubts_of(
         cure = "another place of the camera, as Camera(position=..., target=...)"
         found.append(Doubt("picture", "the picture has one colour: a flat surface fills it", cure))
     return [doubt for doubt in found if doubt is not None]
+
+
+Made = TypeVar("Made")
+
+
+def _kept(
+    name: str,
+    make: Callable[[Scene, Prepared, Values, Pose, tuple[int, int]], Made],
+    scene: Scene,
+    ready: Prepared,
+    values: Values,
+    pose: Pose,
+    size: tuple[int, int],
+) -> Made:
+    """What a function makes of all but the picture. That of the last frame is kept."""
+    seen = [getattr(pose, part.name) for part in fields(pose)]
+    seen = [each.tobytes() if isinstance(each, np.ndarray) else each for each in seen]
+    moves = ready.once("moves", id(scene), lambda: (scene, bool(find(scene.expressions(), "time"))))[1]
+    key = id(scene), values.time if moves else None, tuple(values.params.items()), size, seen
+    return ready.once(name, key, lambda: (scene, make(scene, ready, values, pose, size)))[1]
+
+
+def _of_scene(scene: Scene, ready: Prepared, values: Values, pose: Pose, size: tuple[int, int]) -> list[Doubt | None]:
+    """The doubts of a scene and its camera, whatever the picture shows."""
+    found = [*contradicted(scene, values), *moved_otherwise(scene, values), noisy(scene)]
+    found += [inside(ready, values, pose, size), *ready.plan.without_effect]
+    return [*found, coarse(ready, values, pose, size[1]), too_thin(ready, values, pose)]
 
 
 def sparse_size(size: tuple[int, int]) -> tuple[int, int]:
@@ -179,6 +208,7 @@ def inside(ready: Prepared, values: Values, pose: Pose, size: tuple[int, int]) -
     if pose.orthographic:
         columns, rows = np.meshgrid(*(np.linspace(0, n - 1, STARTS).round().astype(int) for n in size))
         starts = pose.rays(columns.ravel(), rows.ravel(), size)[0]
+    values = with_hoisted(ready.plan.hoisted, values)
     with bound(values.params, values.time):
         depth = -float(np.max(ready.distance(starts - ready.plan.origin)[0]))
     if abs(depth) <= STARTS_ROUNDED * np.spacing(np.abs(starts).max()):
@@ -331,15 +361,24 @@ def is_plain(frame: Frame, scene: Scene) -> bool:
     return plain and bool(np.mean(np.isfinite(frame.depth)) >= NEARLY_ALL)
 
 
-def beside_sky(color: NDArray[Any], scene: Scene, pose: Pose, values: Values) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """The colours (N, 3) of a grid of up to 48 x 48 pixels, and which of them match the sky."""
-    height, width = color.shape[:2]
-    rows, columns = (np.linspace(0, n - 1, min(n, 48)).astype(int) for n in (height, width))
-    directions = pose.directions(columns, rows[:, None], (width, height)).reshape(-1, 3)
-    sky = scene.sky.radiance_along(directions, values)
-    shown = color[np.ix_(rows, columns)].reshape(-1, 3)
+def beside_sky(color: NDArray[Any], scene: Scene, sky: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """The colours (N, 3) of a grid of pixels, and which of them match the sky. sky : see `sky_light`."""
+    rows, columns = _grid(color.shape[1::-1])
+    shown = color[rows[:, None], columns].reshape(-1, 3)
     near = 1e-4 if scene.sky.constant else 0.05  # the samples of a pixel see different parts of the sky
     return shown, np.all(np.abs(shown - sky) <= near * (1.0 + np.abs(sky)), axis=1)
+
+
+def _grid(size: tuple[int, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns of up to 48 x 48 pixels of a picture of (width, height)."""
+    rows, columns = (np.linspace(0, n - 1, min(n, 48)).astype(np.intp) for n in size[::-1])
+    return rows, columns
+
+
+def sky_light(scene: Scene, _ready: Prepared | None, values: Values, pose: Pose, size: tuple[int, int]) -> NDArray[Any]:
+    """The light of the sky at the pixels of `_grid`, (N, 3)."""
+    rows, columns = _grid(size)
+    return scene.sky.radiance_along(pose.directions(columns, rows[:, None], size).reshape(-1, 3), values)
 
 
 def may_be_ground(color: NDArray[Any], scene: Scene) -> bool:

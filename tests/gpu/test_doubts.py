@@ -93,19 +93,34 @@ def test_a_solid_that_moved_out_is_doubted(context, node, time, params, words):
             renderer.render(scene, time=time, params=params)
 
 
+def of_the_sky(frame, scene):
+    light = vouch.sky_light(scene, None, Values({}), frame.pose, frame.size)
+    return vouch.beside_sky(frame.color, scene, light)[1]
+
+
 @pytest.mark.parametrize("sky", [rm.Sky(), rm.GradientSky(), rm.SunSky(), rm.Sky(lambda d: (d.y * d.y, 0.5, 0.2))])
 def test_a_picture_of_the_sky_alone_is_known_without_a_pass(renderer, sky):
     for camera in (AWAY, rm.Camera((0, 0, 5), (3, 4, 10), fov=80)):
         scene = rm.Scene(rm.sphere(), camera, sky=sky)
         frame = renderer.render(scene)
-        assert np.all(vouch.beside_sky(frame.color, scene, frame.pose, Values({}))[1])
+        assert np.all(of_the_sky(frame, scene))
         (doubt,) = frame.doubts()
         assert "nothing is visible" in doubt
         seen = rm.Scene(rm.sphere(), rm.Camera((0, 0, 5), (0, 0, 0)), sky=sky)
         frame = renderer.render(seen)
-        assert not np.all(vouch.beside_sky(frame.color, seen, frame.pose, Values({}))[1])
+        assert not np.all(of_the_sky(frame, seen))
         assert frame.doubts() == []
         assert [t.name for t in frame.timings] == ["color"], "nothing more was drawn"
+
+
+def test_doubts_follow_the_camera_and_the_time(renderer):
+    moving = rm.Scene(rm.sphere().translate((4 * rm.time, 0, 0)) | rm.sphere(), rm.Camera((4, 0, 0.5), (0, 0, 0)))
+    deep = [any("deep inside" in doubt for doubt in renderer.render(moving, time=t).doubts()) for t in (0, 1, 0, 1.1)]
+    assert deep == [False, True, False, True]
+    still = rm.Scene(rm.sphere(), rm.Camera((0, 0, 5), (0, 0, 0)))
+    poses = [still.replace(camera=rm.Camera((0, 0, z), (0, 0, -9))).pose(Values({}), 1.5) for z in (5, 0.5, 5)]
+    deep = [any("deep inside" in doubt for doubt in renderer.render(still, pose=pose).doubts()) for pose in poses]
+    assert deep == [False, True, False]
 
 
 EXHAUSTED = rm.Scene(
