@@ -132,7 +132,7 @@ def gl_timer(context: Context) -> Timer:
 
 def wall_time(context: Context, draw: Callable[[], None]) -> float:
     """Time of `draw` in milliseconds by the wall clock, from an idle device to an idle device."""
-    with context.bound():
+    with context.bound_until_idle():
         context.finish()
         start = perf_counter()
         draw()
@@ -142,7 +142,7 @@ def wall_time(context: Context, draw: Callable[[], None]) -> float:
 
 def cpu_time(context: Context, draw: Callable[[], None]) -> float:
     """CPU time of the process for `draw` in milliseconds, from an idle device to an idle device."""
-    with context.bound():
+    with context.bound_until_idle():
         context.finish()
         start = process_time()
         draw()

@@ -57,10 +57,11 @@ class _Bound:
     """The block of `Context.bound`. Each draw call enters several, so an inner one costs a lock, and with llvmpipe the
     fence of what it drew."""
 
-    __slots__ = ("_context", "_outermost")
+    __slots__ = ("_context", "_idle", "_outermost")
 
-    def __init__(self, context: Context) -> None:
+    def __init__(self, context: Context, idle: bool) -> None:
         self._context = context
+        self._idle = idle  # at the end of the block
         self._outermost: AbstractContextManager[None] | None = None
 
     def __enter__(self) -> Context:
@@ -80,7 +81,7 @@ class _Bound:
     def __exit__(self, *error: Any) -> None:
         context = self._context
         try:
-            if not context.released:
+            if not (self._idle or context.released):
                 context._fences.keep()
         finally:
             try:
@@ -131,7 +132,7 @@ class Context(Releasing):
     def released(self) -> bool:
         """True after `release`, and in a process forked from the one that opened the context, which can neither use nor
         free it."""
-        return self._released or self._process != os.getpid()
+        return self._released or self._process != _here
 
     def check(self) -> None:
         """DeviceError if the context was released, or was opened before a fork of the process."""
@@ -141,7 +142,7 @@ class Context(Releasing):
 
     def refuse_fork(self) -> None:
         """DeviceError in a process that was forked from the one that opened the context."""
-        if self._process != os.getpid():
+        if self._process != _here:
             raise _forked(f"the {self.backend} context was opened before the fork ({self._opened})")
 
     def bound(self) -> _Bound:
@@ -150,7 +151,11 @@ class Context(Releasing):
         Blocks may be nested. A thread waits while another thread is inside a block of the same context.
         Raises DeviceError if the context was released, was opened before a fork, or cannot be made current.
         """
-        return _Bound(self)
+        return _Bound(self, False)
+
+    def bound_until_idle(self) -> _Bound:
+        """As `bound`, for a block whose last call is `finish`."""
+        return _Bound(self, True)
 
     @contextmanager
     def _made_current(self) -> Iterator[None]:
@@ -197,7 +202,7 @@ class Context(Releasing):
 
     def finish(self) -> None:
         """Wait until the device is idle. Other threads of Python run in the meantime."""
-        with self.bound():
+        with self.bound_until_idle():
             self._fences.finish()
 
     def _bind(self) -> None:
@@ -219,7 +224,7 @@ class Context(Releasing):
         return noted or None, current.current()
 
     def _give_back(self, caller: tuple[Any, current.Current]) -> None:
-        if self._process != os.getpid():
+        if self._process != _here:
             return  # forked inside the block: the current context belongs to the parent
         noted, before = caller
         if noted is not None or self.window is not None:
@@ -260,6 +265,7 @@ class Context(Releasing):
 _CONTEXTS: weakref.WeakSet[Context] = weakref.WeakSet()
 _OPENING = threading.RLock()  # glfw keeps its windows in unlocked lists
 _process, _opened = os.getpid(), False
+_here = os.getpid()  # to ask the system takes longer than all else that a block of `bound` does
 _idle: tuple[Any, Context] | None = None  # of `kept_context`
 
 
@@ -293,6 +299,8 @@ def _leave_to_parent() -> None:
     The exit handler of Mesa's OSMesa waits for ever for threads that the fork did not copy; a hardware driver may free
     objects that both processes share. glibc's `on_exit` runs its functions in reverse order, so the process ends first.
     """
+    global _here
+    _here = os.getpid()
     for context in _CONTEXTS:
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(context.gl))
     if _opened and sys.platform == "linux":

@@ -231,11 +231,14 @@ class Program(Releasing):
             members = {name: _Member(each) for name, each in found.items() if isinstance(each, moderngl.Uniform)}
             self._members[id(shader)] = members
         unit = 0
+        written = target.textures if isinstance(target, Target) else ()
+        given = uniforms.get
         for name, member in members.items():
-            value = uniforms.get(name, member)
+            value = given(name, member)
             if value is member or value is member.last:
                 continue
-            if isinstance(value, float | int):
+            kind = type(value)
+            if kind is float or kind is int or isinstance(value, float | int):
                 if value != member.number or not value:
                     member.send_number(self.name, value)
                 continue
@@ -243,10 +246,11 @@ class Program(Releasing):
             if texture is None:
                 member.send(self.name, value)
                 continue
-            if isinstance(target, Target) and texture in target.textures:
+            if texture in written:
                 raise ValueError(f"{self.name}: the texture of {name} is read and written at once; use a PingPong")
             texture.use(unit)
-            member.send_number(self.name, unit)
+            if member.number != unit:
+                member.send_number(self.name, unit)
             unit += 1
 
 

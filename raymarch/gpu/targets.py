@@ -54,7 +54,7 @@ class Target(Releasing):
             raise DeviceError(f"dtype={dtype!r} of a target", legal="legal: 'f4' or 'f2'")
         self.dtype = dtype
         self.released = False
-        self._textures: list[moderngl.Texture] = []
+        self._textures: tuple[moderngl.Texture, ...] = ()
         self._framebuffer: moderngl.Framebuffer | None = None
         try:
             with context.bound():
@@ -70,7 +70,7 @@ class Target(Releasing):
         _ = gl.error  # reading it clears an older error, which must not count as ours
         for _ in range(self.attachments):
             texture = gl.texture(self.size, _COMPONENTS, dtype=self.dtype)
-            self._textures.append(texture)
+            self._textures += (texture,)
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
             texture.repeat_x = texture.repeat_y = False
         if gl.error == "GL_OUT_OF_MEMORY":
@@ -85,7 +85,7 @@ class Target(Releasing):
     def textures(self) -> tuple[moderngl.Texture, ...]:
         """The textures by attachment. DeviceError after release."""
         self._check_alive()
-        return tuple(self._textures)
+        return self._textures
 
     @property
     def framebuffer(self) -> moderngl.Framebuffer:
@@ -158,8 +158,9 @@ class Target(Releasing):
 
     def read_unread(self) -> None:
         """Read what frames still need of the content, before it changes."""
-        for unread in [unread for unread in self.context.unread if unread.target is self]:
-            unread.read_all()
+        if self.context.unread:
+            for unread in [unread for unread in self.context.unread if unread.target is self]:
+                unread.read_all()
 
     def _index(self, attachment: int) -> int:
         if not 0 <= attachment < self.attachments:

@@ -187,7 +187,8 @@ def test_frames(folder):
     assert run("render", "moving.py", "-o", "f-{:03d}.png", "--frames", "2:5", "--fps", "10", "--size", "32x20") == 0
     assert {f for f in files(folder) if f.startswith("f-")} == {"f-002.png", "f-003.png", "f-004.png"}
     assert run("render", "moving.py", "-o", "one.png", "--time", "0.3", "--size", "32x20") == 0
-    assert Path("one.png").read_bytes() == Path("f-003.png").read_bytes()
+    with Image.open("one.png") as one, Image.open("f-003.png") as same:  # compressed more
+        assert np.array_equal(one, same) and one.text == same.text
 
 
 def test_a_parameter_goes_from_one_value_to_another_over_the_frames(folder, capsys):
