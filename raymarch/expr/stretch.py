@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import builtins
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -13,8 +15,8 @@ from raymarch.expr.arrays import SMALLEST
 from raymarch.expr.derivative import companion
 from raymarch.expr.function import Function, Loop, function
 from raymarch.expr.node import Expr, const, construct, expr
-from raymarch.expr.series import Reading, Series, trimmed
-from raymarch.expr.smooth import LEAST, NOTHING, ONE, SMOOTH, ZERO, largest
+from raymarch.expr.series import Reading, Series, at, trimmed
+from raymarch.expr.smooth import LEAST, NOTHING, ONE, SMOOTH, ZERO, Range, largest
 from raymarch.expr.types import BOOL, FLOAT
 from raymarch.expr.walk import rebuild, topological
 
@@ -322,17 +324,62 @@ def first_root(f: Expr, g: Expr, h: Expr, w: Expr) -> Expr:
     return v.where(f > 0.0, v.min(v.where(g < 0.0, falling, rising), w), 0.0)
 
 
-def free_along(definition: Function, point: Expr, direction: Expr, level: Expr, w: Expr, **form: bool) -> Expr:
-    """(value - level, the length of the stretch of at most w on which it keeps its sign), a vec2.
+STEPS = 2
+"""Steps along a polynomial each time that its coefficients are found. Two take two thirds of the evaluations of one."""
+
+
+def first_root_of(c: Sequence[Expr], w: Expr, end: Expr) -> Expr:
+    """How far the polynomial c[0] + c[1] s + ... stays above 0: at most `end`, and less if that is not known; 0 if
+    c[0] is not above 0.
+
+    A step goes to the first root of a parabola below the polynomial, on a stretch that is w at first. The polynomial is
+    then taken about that place, by Horner's scheme. Of a parabola the root is that of the polynomial itself.
+    """
+    c = [*c, ZERO, ZERO][: builtins.max(len(c), 3)]
+    steps = STEPS if len(c) > 3 else 1
+    w = v.min(w, end) if steps > 1 else end
+    total = ZERO
+    for step in range(steps):
+        curve = c[-1]
+        for coefficient in c[-2:1:-1]:
+            curve = coefficient + w * v.min(curve, 0.0)
+        root = first_root(c[0], c[1], curve, w)
+        total = total + root
+        if step + 1 < steps:
+            w = v.min(v.where(root < w, 1.5 * root, 2.0 * w), end - total)
+            for low in range(len(c) - 1):
+                for k in range(len(c) - 2, low - 1, -1):
+                    c[k] = c[k] + root * c[k + 1]
+    return v.min(total, end)
+
+
+def free_of(reading: Reading, found: Series, below: Expr, unit: Expr, line: tuple[Expr, Expr], end: Expr) -> Expr:
+    """How far the value of a series divided by a unit, or its negative, stays above line[0] + line[1] s. The way is not
+    longer than the stretch of the reading; along a polynomial, than `end`.
+
+    below : whether it is the negative.
+    """
+    if found.exact:
+        side = v.where(below, -1.0, 1.0) / unit
+        return first_root_of([side * at(found.c, k) - at(line, k) for k in range(len(found.c))], reading.w, end)
+
+    def least(ends: Range) -> Expr:
+        return v.where(below, -ends[1], ends[0]) / unit
+
+    f, g = (least((c + ends[0], c + ends[1])) for c, ends in ((found.c[0], found.jump), (found.rate, found.slope)))
+    return first_root(f - line[0], g - line[1], least(reading.tail(found, 2)), reading.w)
+
+
+def free_along(
+    definition: Function, point: Expr, direction: Expr, level: Expr, w: Expr, end: Expr | None = None, **form: bool
+) -> Expr:
+    """(value - level, the length of a stretch on which it keeps its sign), a vec2.
 
     Up to the first root of the parabola below the function; above it, if it is negative. After Aydinlilar and Zanni
-    2023, who bound value and slope over the next stretch. Unbounded if nothing is known of an operation.
+    2023, who bound value and slope over the next stretch. The stretch is at most w; along a polynomial, at most `end`.
+    Unbounded if nothing is known of an operation.
     """
     reading, found = series_of(definition, point, direction, w, **form)
     value = found.c[0] - level
-    curve = reading.tail(found, 2)
-    outside = value >= 0.0
-    f = v.where(outside, value + found.jump[0], -value - found.jump[1])
-    g = v.where(outside, found.rate + found.slope[0], -found.rate - found.slope[1])
-    h = v.where(outside, curve[0], -curve[1])
-    return construct(value, first_root(f, g, h, w))
+    found = replace(found, c=(value, *found.c[1:]))
+    return construct(value, free_of(reading, found, value < 0.0, ONE, (ZERO, ZERO), w if end is None else end))

@@ -13,6 +13,7 @@ root of it is the hit.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache, reduce
 
 import numpy as np
@@ -23,7 +24,7 @@ from raymarch.expr.node import Expr, const, expr, var
 from raymarch.expr.samples import Samples, sample, sample_bend, sample_slope
 from raymarch.expr.series import Reading
 from raymarch.expr.smooth import LEAST
-from raymarch.expr.stretch import Unbounded, first_root, series_of
+from raymarch.expr.stretch import Unbounded, first_root, free_of, series_of
 from raymarch.expr.tables import Table, fetch
 from raymarch.expr.types import FLOAT, VEC2, VEC3
 from raymarch.expr.vocabulary import (
@@ -95,16 +96,13 @@ def _free_way(definition: Function, negated: bool, plain: bool, far: bool) -> Fu
     in_box = met & (first <= 0.0)
 
     def free_on(stretch: Expr) -> tuple[Reading, Expr, Expr, Expr]:
-        reading, found = series_of(definition, at, d, min(stretch, max(last - begin, LEAST)))
+        end = max(last - begin, LEAST)
+        reading, found = series_of(definition, at, d, min(stretch, end))
         here = found.c[0] - scales.x
         inside = in_box & (here < 0.0) if plain else expr(negated)
-
-        def least(lower: Expr, upper: Expr) -> Expr:
-            return where(inside, -upper, lower) / scales.y
-
-        value = least(*[here + end for end in found.jump]) - factor * (level + growth * begin)
-        slope = least(*[found.rate + end for end in found.slope]) - factor * growth
-        return reading, here, inside, first_root(value, slope, least(*reading.tail(found, 2)), reading.w)
+        line = factor * (level + growth * begin), factor * growth
+        found = replace(found, c=(here, *found.c[1:]))
+        return reading, here, inside, free_of(reading, found, inside, scales.y, line, end)
 
     try:
         reading, here, inside, ahead = free_on(w)

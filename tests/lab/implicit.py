@@ -31,7 +31,7 @@ from raymarch.gpu import Renderer
 from raymarch.sdf.implicit import implicit_solid
 from tests.support.surfaces import SURFACES, Surface
 
-SIZE, TIMED = (160, 90), (320, 180)
+SIZE, TIMED = (160, 90), (640, 360)
 STEPS = 3000
 FOV = 45.0
 TURNS = 9
@@ -171,7 +171,7 @@ def least_safe(surface: Surface, rays: Rays, renderer: Renderer) -> float:
 
 
 def cpu_times(scenes: list[rm.Scene]) -> list[float]:
-    """Median CPU times of frames of 320x180 pixels, drawn in turn, and of a frame without a solid, ms."""
+    """Median CPU times of frames of 640x360 pixels, drawn in turn, and of a frame without a solid, ms."""
     nothing = rm.Scene(rm.sphere(0.5), camera=rm.Camera((0, 0, 5), (0, 0, 10)))
     drawn = [(scene, Renderer(TIMED)) for scene in (*scenes, nothing)]
     times: list[list[float]] = []
@@ -222,8 +222,9 @@ def walked(evaluate: Any, rays: Rays, near: Array, far: Array, epsilon: float) -
     sign = np.zeros(n)
     for _ in range(500):
         d = rays.directions[active]
-        stretch = np.minimum(w[active], far[active] - t[active])
-        (found,) = evaluate(rays.origin + t[active, None] * d, d, np.zeros(len(active)), stretch)
+        rest = far[active] - t[active]
+        stretch = np.minimum(w[active], rest)
+        (found,) = evaluate(rays.origin + t[active, None] * d, d, np.zeros(len(active)), stretch, rest)
         value, free = found[:, 0], found[:, 1]
         counts[active] += 1
         sign[active] = np.where(sign[active] == 0.0, np.where(value < 0.0, -1.0, 1.0), sign[active])
@@ -238,7 +239,7 @@ def walked(evaluate: Any, rays: Rays, near: Array, far: Array, epsilon: float) -
 
 def forms() -> None:
     print("| surface | " + " | ".join(f"{name}: evaluations, operations, product" for name in FORMS) + " |")
-    p, d, level, w = var("p", VEC3), var("d", VEC3), var("level", FLOAT), var("w", FLOAT)
+    p, d, level, w, end = var("p", VEC3), var("d", VEC3), var("level", FLOAT), var("w", FLOAT), var("end", FLOAT)
     for name, surface in SURFACES.items():
         rays, b = rays_of(surface, steps=2), surface.bounds
         ends = (-b - rays.origin) / rays.directions, (b - rays.origin) / rays.directions
@@ -246,9 +247,9 @@ def forms() -> None:
         definition = trace(name, surface.expression, [("p", VEC3)], surface.of.__code__)
         cells = []
         for form in FORMS.values():
-            free = free_along(definition, p, d, level, w, **form)
+            free = free_along(definition, p, d, level, w, end, **form)
             epsilon = 0.02 * rays.pixel * float(np.linalg.norm(rays.origin))
-            count, left = walked(evaluator([free], [p, d, level, w]), rays, near, far, epsilon)
+            count, left = walked(evaluator([free], [p, d, level, w, end]), rays, near, far, epsilon)
             work = operations([free])
             cells.append(f"{count:.2f}, {work}, {count * work:.0f}" + f", {left} without end" * (left > 0))
         print(f"| {name} | " + " | ".join(cells) + " |", flush=True)

@@ -30,7 +30,7 @@ def test_no_pixel_is_missed_and_hits_are_where_tiny_steps_find_them(name: str, e
     assert row.missed == 0
     assert row.invented <= WHISKERS.get(name, 0)
     assert row.p99 <= 0.05
-    assert row.evaluations < 6.0
+    assert row.evaluations < (6.0 if name == "lidinoid" else 4.0)  # no polynomial
     assert row.most < 40
 
 

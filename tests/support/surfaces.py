@@ -1,4 +1,7 @@
-"""Twelve implicit surfaces, as functions of numbers that NumPy and the expression language take alike."""
+"""Twelve implicit surfaces, as functions of numbers that NumPy and the expression language take alike.
+
+Of each surface the solid is the side that fills less of its box: else most rays would end on a face of the box.
+"""
 
 from __future__ import annotations
 
@@ -34,11 +37,11 @@ def two_sheets(x: Any, y: Any, z: Any) -> Any:
 
 def clebsch(x: Any, y: Any, z: Any) -> Any:
     cubes = 81 * (x**3 + y**3 + z**3) - 189 * (x**2 * (y + z) + y**2 * (z + x) + z**2 * (x + y)) + 54 * x * y * z
-    return cubes + 126 * (x * y + y * z + z * x) - 9 * (x**2 + y**2 + z**2) - 9 * (x + y + z) + 1
+    return -cubes - 126 * (x * y + y * z + z * x) + 9 * (x**2 + y**2 + z**2) + 9 * (x + y + z) - 1
 
 
 def cayley(x: Any, y: Any, z: Any) -> Any:
-    return -5 * (x**2 * (y + z) + y**2 * (x + z) + z**2 * (x + y)) + 2 * (x * y + x * z + y * z)
+    return 5 * (x**2 * (y + z) + y**2 * (x + z) + z**2 * (x + y)) - 2 * (x * y + x * z + y * z)
 
 
 def kummer(x: Any, y: Any, z: Any) -> Any:
@@ -49,7 +52,7 @@ def kummer(x: Any, y: Any, z: Any) -> Any:
 
 def barth(x: Any, y: Any, z: Any) -> Any:
     planes = (PHI**2 * x**2 - y**2) * (PHI**2 * y**2 - z**2) * (PHI**2 * z**2 - x**2)
-    return 4 * planes - (1 + 2 * PHI) * (x**2 + y**2 + z**2 - 1) ** 2
+    return (1 + 2 * PHI) * (x**2 + y**2 + z**2 - 1) ** 2 - 4 * planes
 
 
 def _chebyshev8(x: Any) -> Any:
