@@ -212,9 +212,8 @@ def _choose_tracer(scene: Scene, certified: bool, refines: bool) -> tuple[str, s
     if quality.shortened:
         return "plain", "Quality(step_scale=..., step_variation=...) shortens plain steps"
     if asked == "advance":
-        if (unreadable := _unreadable(scene)) is not None:
-            return "bracketing", unreadable
-        return "advance", "Quality(tracer='advance')"
+        unreadable = _unreadable(scene)
+        return ("bracketing", unreadable) if unreadable else ("advance", "Quality(tracer='advance')")
     if asked == "auto" and _unreadable(scene) is None and implicit_nodes(scene.node):
         return "advance", "an implicit surface is known along stretches of a ray"
     if asked == "auto":
@@ -282,10 +281,8 @@ def _whether_to_advance(
         return "bracketing", f"{longer}; {unreadable}"
     quality = scene.quality
     if quality.bounding_volumes is not None or quality.refinement != "proven":
-        return (
-            "bracketing",
-            f"{longer}; Quality(bounding_volumes=..., refinement=...) choose how distances are evaluated",
-        )
+        how = "Quality(bounding_volumes=..., refinement=...) choose how distances are evaluated"
+        return "bracketing", f"{longer}; {how}"
     if prices.seconds(operations) > prices.patience and not beside:
         return "bracketing", f"{longer}; to tell how far a ray is free takes long to compile"
     limits, of = [prices.advance, *[BY_SLOPE * slope for slope in steepest_slopes(scene.node)]], "of all solids"
@@ -302,10 +299,8 @@ def _whether_to_advance(
     ahead, distance = needed + prices.read * count_reads([body]), max(operations + prices.read * reads, 1)
     ratio = ahead / distance
     worth = min(limits)
-    cost = f"in {ratio:.1f} times the operations of the distance"
-    cost += (
-        f" ({prices.nanoseconds(ahead)} in place of {prices.nanoseconds(distance)}; worth it up to {worth:.1f} times)"
-    )
+    times = f"{prices.nanoseconds(ahead)} in place of {prices.nanoseconds(distance)}; worth it up to {worth:.1f} times"
+    cost = f"in {ratio:.1f} times the operations of the distance ({times})"
     if ratio > worth:
         return "bracketing", f"{longer}; how far a ray is free is known {cost}, which is more than it saves"
     return "advance", f"how far a ray is free is known {of}, {cost}"

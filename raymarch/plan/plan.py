@@ -250,12 +250,13 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
     def cones_ahead(self) -> bool:
         """True if soft shadows ask how far the cone about a ray is free."""
         soft = any(map(reads_field, self.scene.lights))
-        return soft and self.advance is not None and not self._halves and not self.stretched
+        return soft and self.advance is not None and not (self.corrected if self.undivided else self.stretched)
 
     @cached_property
-    def solved_advance(self) -> Function | None:
-        """How far a ray is free of solids in closed form, as a function; None if soft shadows do not ask it."""
-        return self.advancing(False, True) if self.cones_ahead and self.analytic.used else None
+    def shadow_advance(self) -> Function | None:
+        """How far a ray is free in the undivided field, or of solids in closed form; None if no soft shadow asks it."""
+        of = "undivided" if self.undivided else "solved" * self.analytic.used
+        return self.advancing(False, of) if of and self.cones_ahead else None
 
     @property
     def own_step(self) -> Function | None:

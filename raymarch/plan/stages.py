@@ -282,11 +282,13 @@ def fields_of(
 
 
 def _advance_of(
-    solid: Node, closed: Analytic, lowering: Lowering, hoist: Hoisting, wholly: bool, solved: bool = False
+    solid: Node, closed: Analytic, lowering: Lowering, hoist: Hoisting, wholly: bool, of: str = ""
 ) -> Function:
-    """How far a ray through the marched solids is free, or through those in closed form."""
-    if solved:
-        return hoist(Advancing(lowering).function(analytic.union_of(closed.solved, solid), "solved_advance"))
+    """How far a ray through the marched solids is free, or through those "solved" in closed form, or in the "undivided"
+    field of all."""
+    if of:
+        root = analytic.union_of(closed.solved, solid) if of == "solved" else solid
+        return hoist(Advancing(lowering).function(root, f"{of}_advance", of == "undivided"))
     root = analytic.union_of(closed.marched, solid) if closed.used else solid
     return hoist(Advancing(lowering, wholly).function(root, "field_advance"))
 
@@ -341,6 +343,7 @@ class SurfacePlan(Materials):
 
     joint : True if one function finds both gradient and material.
     undivided : the field before it is divided, for effects that read distances; None if they read `field`.
+    corrected : True if parts of it are divided by their slope, which is small.
     further : further functions of the point that modules call.
     twins : leaves whose current values the motion pass reads, by the name of their twin; see `raymarch.plan.motion`.
     """
@@ -348,6 +351,7 @@ class SurfacePlan(Materials):
     joint: bool
     gradient: Function | None
     undivided: Function | None
+    corrected: bool
     further: Sequence[Function]
     twins: Mapping[str, Expr]
 
@@ -383,7 +387,7 @@ def surfaces_of(asked: Asked, fields: FieldPlan, lowering: Lowering) -> SurfaceP
         place, twins = motion_of(solid, lowering, hoist)
         further.append(place)
     found = {"joint": joint, "gradient": gradient, "undivided": undivided, "further": further, "twins": twins}
-    return SurfacePlan(**vars(materials), **found)  # type: ignore[arg-type]
+    return SurfacePlan(**vars(materials), **found, corrected=least < 1.0)  # type: ignore[arg-type]
 
 
 def kept_surface(asked: Asked, surfaces: Materials) -> list[tuple[str, Type]]:

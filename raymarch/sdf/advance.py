@@ -97,16 +97,16 @@ class Advancing:
     _plain: dict[tuple[int, bool], Function] = field(default_factory=dict)
     _roots: list[Node] = field(default_factory=list)
 
-    def function(self, root: Node | None, name: str = "field_advance") -> Function:
+    def function(self, root: Node | None, name: str = "field_advance", undivided: bool = False) -> Function:
         """`vec2 name(vec3 p, vec3 d, float level, float growth)`: the value of the field and the advance.
 
-        root : None for empty space.
+        root : None for empty space. undivided : of the undivided field.
         """
         p, d, level, growth = var("p", VEC3), var("d", VEC3), var("level", FLOAT), var("growth", FLOAT)
         if root is None:
             return Function(name, (p, d, level, growth), const((FARTHEST, FARTHEST)))
         self._roots.append(root)
-        found = run(Ask(root, p, d, level, growth), self._node, lambda ask: ask.key, {})
+        found = run(Ask(root, p, d, level, growth, undivided=undivided), self._node, lambda ask: ask.key, {})
         return Function(name, (p, d, level, growth), vec2(found.value, found.whole(level, growth)), where=root.where)
 
     # Nodes
@@ -151,7 +151,8 @@ class Advancing:
             template = reading_of(node.definition.template(0, node.params), ask.undivided)
             pair = along(template)(ask.point, ask.direction, *values_of(node))
             return self._tangent(ask, self._divided_value(ask, pair))
-        if is_implicit(node) and (known := _on_stretch(ask, only_united(self._roots[-1]))) is not None:
+        far = not ask.undivided and only_united(self._roots[-1])  # whose undivided value is read as a distance
+        if is_implicit(node) and (known := _on_stretch(ask, far)) is not None:
             return known.beside(Line(known.value, -ask.steepest))
         if node.definition.name == "terrain" and not ask.negated:
             made = self._by_constant(ask, self._field(ask)(ask.point))

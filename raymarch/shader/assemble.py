@@ -326,7 +326,7 @@ def _roots(plan: Plan, values: Values) -> list[Function]:
     optional = (
         *(
             plan.advance,
-            plan.solved_advance,
+            plan.shadow_advance,
             plan.own_step,
             plan.gradient,
             plan.material,

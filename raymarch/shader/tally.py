@@ -6,7 +6,9 @@ from collections.abc import Sequence
 
 from raymarch.shader.chunk import Mapped
 
-EVALUATIONS = frozenset(("field", "marched_field", "field_advance", "field_gradient", "undivided_field", "part_at"))
+EVALUATIONS = frozenset(
+    "field marched_field field_advance field_gradient undivided_field undivided_advance part_at".split()
+)
 """The functions whose calls are evaluations of the field or its gradient."""
 
 COUNT = "count_evaluation"
@@ -16,7 +18,5 @@ COUNT = "count_evaluation"
 def tallied(lines: Sequence[Mapped]) -> list[Mapped]:
     """The lines of a text that is complete otherwise, with the counts. What nothing reads is left out before, because
     a call that counts changes more than what it returns."""
-    found: list[Mapped] = []
-    for line in lines:
-        found += [line, Mapped(f"    {COUNT}();", "counts of evaluations")] if line.tallied else [line]
-    return found
+    count = Mapped(f"    {COUNT}();", "counts of evaluations")
+    return [each for line in lines for each in (line, count)[: 1 + line.tallied]]

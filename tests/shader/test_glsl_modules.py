@@ -89,7 +89,7 @@ def test_no_line_is_longer_than_120_columns(name: str) -> None:
 
 def test_what_a_module_uses_is_given_by_modules_or_generated() -> None:
     """The names that no module gives. A misspelt name would be one more."""
-    sets = (NONE, glsl.VARIANTS, glsl.VARIANTS - {"PUBLISHED"})  # which takes the place of RISING
+    sets = (NONE, glsl.VARIANTS, glsl.VARIANTS - {"PUBLISHED", "UNDIVIDED"})  # in place of RISING, and of the field
     loaded = [glsl.load(name, variants) for name in MODULES for variants in sets]
     used = frozenset[str]().union(*(module.needs for module in loaded))
     given = frozenset[str]().union(*(module.gives for module in loaded))
@@ -104,7 +104,7 @@ GENERATED = """
     marched_range material_at material_index part_at path_extent pcg picture_samples previous_position relax_again
     relaxation relief_at rising_steps scene_box scene_cone secondary_steps set_frame shade shading_normal shadow_steps
     smoothing divided solved_advance solved_field solved_hit step_scale surface_texels step_variation surface_faults
-    toned undivided_field
+    toned undivided_advance undivided_field
     iChannel0 iFrame iMouse iResolution
 """
 

@@ -10,7 +10,7 @@
 // about the whole cone, because `range` is its result too.
 #endif
 // Fields without proof of their spheres take half of the distance, or as long a step as holds nothing that would
-// count, by the steepest slope of the field.
+// count, by the steepest slope of the field or by how far the cone is free.
 // The first sample lies at `first`. Where it does not prove the way from the start on free, but for a quarter of the
 // start, the ray goes back.
 // A ray that runs out of steps is extrapolated to its end. `range` becomes the part in which anything may reach into
@@ -23,25 +23,28 @@ float clearance(Ray ray, inout vec2 range, float first, float near, float width,
     bool known = false;
 #ifndef HALVED
     float slope = 0.0;
+#endif
 #ifdef AHEAD
     float way = 0.0;
 #else
     const float way = 0.0;
-#endif
 #endif
     float rise = 0.0;
     bool undone = false;
     float depth = 0.0;
     bool met = false;
     float end = range.y;
+#ifdef STRETCH
+    begin_stretch(end - t);
+#endif
     for (int i = 0; i < shadow_steps; i++) {
         float s = t + z;
-#ifdef UNDIVIDED
-        float d = u_side * undivided_field(ray.origin + s * ray.direction);
-#else
 #ifdef AHEAD
         vec2 found = free_ahead(ray, s, (deep ? 1.0 : 0.9375 * least) * width);
         float d = found.x;
+#else
+#ifdef UNDIVIDED
+        float d = u_side * undivided_field(ray.origin + s * ray.direction);
 #else
         float d = u_side * field(ray.origin + s * ray.direction);
 #endif
@@ -84,7 +87,12 @@ float clearance(Ray ray, inout vec2 range, float first, float near, float width,
 #endif
 #else
         float least_here = min(least, d / radius);
+#ifdef AHEAD
+        bool clear = d >= 2.0 * radius || (d >= radius && deep && z <= way);
+        way = found.y;
+#else
         bool clear = d >= 2.0 * radius;
+#endif
 #endif
         if (known && z > 0.0) rise = (d - r) / z;
         known = true;
@@ -111,6 +119,7 @@ float clearance(Ray ray, inout vec2 range, float first, float near, float width,
 #else
         z = safe_step(0.5 * r, t);
 #endif
+        z = max(z, way);
         if (t + z >= end) return least;
 #endif
     }
