@@ -10,8 +10,5 @@ vec2 free_ahead(Ray ray, float t, float sine) {
     found = min(found, solved_advance(p, ray.direction, level, sine + SLOPE_ERROR));
 #endif
 #endif
-#ifdef STRETCH
-    adapt_stretch(abs(found.y), level);
-#endif
     return u_side < 0.0 ? vec2(-found.x, 0.0) : found;
 }

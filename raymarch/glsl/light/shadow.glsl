@@ -22,7 +22,7 @@ float hard_shadow(Surface surface, Light light) {
     float near = 0.5 * contact(surface.p, surface.t);
     float rise = clamp(dot(geometric_normal(surface), light.direction), -1.0, 0.999);
     March at = March(range.x, 0.0, 0.0, 0.0, rise, 0.0, false, false);
-    float slope = 0.0;
+    bool meets = false;
 #ifdef STRETCH
     begin_stretch(range.y - range.x);
 #endif
@@ -82,7 +82,7 @@ float hard_shadow(Surface surface, Light light) {
         bool empty = z <= proven + abs(r);
 #endif
         bool known = z > 0.0 && !first && i > 0;
-        slope = known ? (r - at.r) / z : 0.0;
+        float slope = known ? (r - at.r) / z : 0.0;
         if (r <= near + GROWTH * t && empty && slope <= 0.0) {
 #ifdef ADVANCE
             doubt_ahead(at, t, known ? slope : -1.0, rate, noise);
@@ -94,13 +94,14 @@ float hard_shadow(Surface surface, Light light) {
         move(at, empty, t, r, known ? slope : at.derivative);
 #else
         if (r <= min(near + GROWTH * t, 0.015625 * (end - t)) && t < end) return 0.0;
-        slope = z > 0.0 && i > 0 ? (r - at.r) / z : at.derivative;
+        float slope = z > 0.0 && i > 0 ? (r - at.r) / z : at.derivative;
 #ifdef ADVANCE
         move(at, z <= proven + way_behind, t, r, slope);
 #else
         move(at, z <= proven + abs(r), t, r, slope);
 #endif
 #endif
+        meets = meets_ahead(at.r, slope, range.y - at.t);
     }
-    return meets_ahead(at.r, slope, range.y - at.t) ? 0.0 : 1.0;
+    return meets ? 0.0 : 1.0;
 }

@@ -20,21 +20,24 @@ float two_sided_shadow(Surface surface, Light light, float width) {
     if (range.x >= range.y) return 1.0;
     width = clamp(width, 64.0 * GROWTH, 0.999);
     vec3 axis = ray.direction;
-    vec3 right = normalize(abs(axis.y) < 0.7 ? vec3(axis.z, 0.0, -axis.x) : vec3(0.0, axis.z, -axis.y));
-    vec3 up = cross(axis, right);
     float middle = 0.0;
-    float counted = 0.0;
-    vec2 rise = vec2(0.0);
     float around[7];
-    float sum = 0.0;
     float seen = 0.0;
     float few = 0.0;
-    float narrow = max(0.15 * width, 64.0 * GROWTH);
-    float sided = 0.0;
-    float expected = 0.0;
+    float visible = 0.0;
     for (int i = 0; i < 31; i++) {
         if (i == 7) {
-            sided = length(rise);
+            float edge = max(beside_edge(middle), 0.0);  // asin rounds
+            float counted = 0.0;
+            vec2 rise = vec2(0.0);
+            float sum = 0.0;
+            for (int k = 0; k < 7; k++) {
+                counted += share_of_seven(k, around[k]);
+                if (k > 0) rise += around[k] * ray_of_disc(k);
+                if (k > 0) sum += around[k];
+            }
+            float sided = length(rise);
+            float expected = 0.0;
             float off = 0.0;
             for (int k = 0; k < 7; k++) {
                 float free = free_of_seven(min(middle + dot(rise, ray_of_disc(k)) / max(sided, 1.0e-6), 1.0));
@@ -42,37 +45,32 @@ float two_sided_shadow(Surface surface, Light light, float width) {
                 if (k > 0) off += abs(around[k] - free);
             }
             few = few_of_seven(middle, off, sum, sided);
+            float opposite = around[1] * around[4] + around[2] * around[5] + around[3] * around[6];
+            expected = clamp(expected, 0.01, 0.99);
+            float odds = clamp(edge * (1.0 - expected) / (expected * (1.0 - edge)), 0.3, 6.0);
+            odds = exp(mix(1.15 + 1.2 * opposite, log(odds), smoothstep(0.0, 0.1 + 0.85 * sum, sided)));
+            visible = odds * counted / (1.0 + (odds - 1.0) * counted);
+            if (middle > 0.0) visible = max(visible, 2.0 * edge - 1.0);
+            visible = mix(visible, edge, smoothstep(0.5, 0.9, abs(middle)));
             if (few <= 0.0) break;
         }
+        vec3 right = normalize(abs(axis.y) < 0.7 ? vec3(axis.z, 0.0, -axis.x) : vec3(0.0, axis.z, -axis.y));
         vec2 place = ray_of_disc(i);
-        ray.direction = width * (place.x * right + place.y * up);
+        ray.direction = width * (place.x * right + place.y * cross(axis, right));
         ray.direction += sqrt(1.0 - dot(ray.direction, ray.direction)) * axis;
         vec2 between = range;
+        float narrow = max(0.15 * width, 64.0 * GROWTH);
         float found = clearance(ray, between, i == 0 ? first : 0.0, 0.0, i < 7 ? width : narrow, i == 0);
         if (i > 6) {
             seen += seen_of_disc(found);
             continue;
         }
         around[i] = free_of_seven(found);
-        counted += share_of_seven(i, around[i]);
-        if (i == 0) {
-            middle = found;
-            range = between;
-            if (abs(found) > 0.95) break;
-            continue;
-        }
-        rise += around[i] * place;
-        sum += around[i];
+        if (i > 0) continue;
+        if (abs(found) > 0.95) return max(beside_edge(found), 0.0);
+        middle = found;
+        range = between;
     }
-    float edge = max(beside_edge(middle), 0.0);  // asin rounds
-    if (abs(middle) > 0.95) return edge;
-    float opposite = around[1] * around[4] + around[2] * around[5] + around[3] * around[6];
-    expected = clamp(expected, 0.01, 0.99);
-    float odds = clamp(edge * (1.0 - expected) / (expected * (1.0 - edge)), 0.3, 6.0);
-    odds = exp(mix(1.15 + 1.2 * opposite, log(odds), smoothstep(0.0, 0.1 + 0.85 * sum, sided)));
-    float visible = odds * counted / (1.0 + (odds - 1.0) * counted);
-    if (middle > 0.0) visible = max(visible, 2.0 * edge - 1.0);
-    visible = mix(visible, edge, smoothstep(0.5, 0.9, abs(middle)));
     seen /= 24.0;
     return mix(visible, 1.35 * seen / (1.0 + 0.35 * seen), few);
 }
