@@ -94,11 +94,12 @@ float hard_shadow(Surface surface, Light light) {
         move(at, empty, t, r, known ? slope : at.derivative);
 #else
         if (r <= min(near + GROWTH * t, 0.015625 * (end - t)) && t < end) return 0.0;
-        float slope = z > 0.0 && i > 0 ? (r - at.r) / z : at.derivative;
+        bool known = z > 0.0 && i > 0;
+        float slope = known ? (r - at.r) / z : 0.0;
 #ifdef ADVANCE
-        move(at, z <= proven + way_behind, t, r, slope);
+        move(at, z <= proven + way_behind, t, r, known ? slope : at.derivative);
 #else
-        move(at, z <= proven + abs(r), t, r, slope);
+        move(at, z <= proven + abs(r), t, r, known ? slope : at.derivative);
 #endif
 #endif
         meets = meets_ahead(at.r, slope, range.y - at.t);
