@@ -23,15 +23,13 @@ float clearance(Ray ray, inout vec2 range, float first, float near, float width,
     bool known = false;
 #ifndef HALVED
     float slope = 0.0;
-#else
-    float rise = 0.0;
 #endif
 #ifdef AHEAD
-    bool certain = false;  // the cone is free up to the next sample
+    float way = 0.0;
 #else
-    const bool certain = false;
     const float way = 0.0;
 #endif
+    float rise = 0.0;
     bool undone = false;
     float depth = 0.0;
     bool met = false;
@@ -44,7 +42,6 @@ float clearance(Ray ray, inout vec2 range, float first, float near, float width,
 #endif
         vec2 found = free_ahead(ray, s, (deep ? 1.0 : 0.9375 * least) * width);
         float d = found.x;
-        float way = found.y;
 #else
 #ifdef UNDIVIDED
         float d = u_side * undivided_field(ray.origin + s * ray.direction);
@@ -54,7 +51,7 @@ float clearance(Ray ray, inout vec2 range, float first, float near, float width,
 #endif
         float radius = width * s;
 #ifndef HALVED
-        bool leapt = z > r + abs(d) && !undone && !certain;
+        bool leapt = z > max(r, way) + abs(d) && !undone;
         bool inside = met || (d <= max(near + GROWTH * s, 0.02 * radius) && !(leapt && deep));
 #else
         bool inside = met || d <= max(near + GROWTH * s, 0.02 * radius);
@@ -74,30 +71,30 @@ float clearance(Ray ray, inout vec2 range, float first, float near, float width,
         float proven = half_chord(r, t, sine);
         float proven_here = half_chord(d, s, sine);
         float cosine = sqrt(1.0 - sine * sine);
-        if (!undone && !certain && proven + proven_here < z * cosine) {
+        if (!undone && max(proven, way * cosine) + proven_here < z * cosine) {
             undone = true;
             least = least_here;
             slope = (proven_here - proven) / z;
-            z = proven / cosine;
+            z = max(proven / cosine, way);
             continue;
         }
         slope = clamp(known && z > 0.0 ? min((proven_here - proven) / z, undone ? slope : 1.0) : d / s, -1.0, 0.99);
         cosine = sqrt(1.0 - width * width);
         bool clear = d >= radius && half_chord(r, t, width) + half_chord(d, s, width) >= z * cosine;
 #ifdef AHEAD
-        clear = clear || (d >= radius && deep && certain);
+        clear = clear || (d >= radius && deep && z <= way);
+        way = found.y;
 #endif
 #else
         float least_here = min(least, d / radius);
 #ifdef AHEAD
-        bool clear = d >= 2.0 * radius || (d >= radius && deep && certain);
+        bool clear = d >= 2.0 * radius || (d >= radius && deep && z <= way);
+        way = found.y;
 #else
         bool clear = d >= 2.0 * radius;
 #endif
 #endif
-#ifdef HALVED
         if (known && z > 0.0) rise = (d - r) / z;
-#endif
         known = true;
         undone = false;
         least = least_here;
@@ -110,10 +107,7 @@ float clearance(Ray ray, inout vec2 range, float first, float near, float width,
         cosine = sqrt(1.0 - sine * sine);
         proven = half_chord(r, t, sine);
         if (t + max(proven / cosine, way) >= end) return least;
-#ifdef AHEAD
-        certain = way > 1.02 * proven / cosine;
-#endif
-        z = certain ? way : max(1.9 * proven / max(cosine - slope, 0.01), -slope * r);
+        z = way > 1.02 * proven / cosine ? way : max(1.9 * proven / max(cosine - slope, 0.01), -slope * r);
         z = min(z, end - t);
 #else
 #ifdef UNDIVIDED
@@ -125,15 +119,9 @@ float clearance(Ray ray, inout vec2 range, float first, float near, float width,
 #else
         z = safe_step(0.5 * r, t);
 #endif
-#ifdef AHEAD
-        certain = way >= z;
         z = max(z, way);
-#endif
         if (t + z >= end) return least;
 #endif
     }
-#ifndef HALVED
-    float rise = slope;
-#endif
     return met ? -depth : max(min(least, (r + rise * (end - t)) / (width * end)), 0.0);
 }
