@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import lru_cache
 from typing import Any
 
 import moderngl
@@ -33,6 +33,9 @@ LOW, HIGH = var("low", VEC3), var("high", VEC3)
 FEW = 1 << 19
 """Pictures with fewer pixels are coloured by NumPy if the driver renders on the CPU: it compiles a program in the time
 in which NumPy colours them."""
+
+KEPT = 16
+"""Maximum number of programs that are kept, those that were used last. Each exposure has its own."""
 
 _MAIN = """#version 330 core
 uniform sampler2D u_texels;
@@ -77,7 +80,7 @@ _MARKED = (
 )
 
 
-@cache
+@lru_cache(KEPT)
 def _encoded(tone: ToneMapping) -> Expr | None:
     """The colour of light by a tone curve, if the device computes the bytes of NumPy."""
     if tone.steps is None:
@@ -115,7 +118,7 @@ class Display:
 
     def __init__(self, context: Context) -> None:
         self._context = context
-        self._programs: dict[Any, tuple[Program, Mapping[str, Any]]] = {}
+        self._programs: dict[Any, tuple[Program, Mapping[str, Any]]] = {}  # the last that was used is the last
         self._bytes: _Bytes | None = None
 
     def image(self, target: Target, output: Output, color: Expr, ends: Sequence[Any]) -> Image.Image:
@@ -160,10 +163,16 @@ class Display:
         alpha: Expr = _OPAQUE,
     ) -> None:
         key = repr(output), color, shown, alpha
-        if key not in self._programs:
+        if key in self._programs:
+            self._programs[key] = self._programs.pop(key)  # the last that was used
+        else:
             text, tables = _text(output, color, shown, alpha)
             program = Program(self._context, FULL_SCREEN, text, None, "view")
             self._programs[key] = program, {name: upload(self._context, data) for name, data in tables.items()}
+            if len(self._programs) > KEPT:
+                oldest, textures = self._programs.pop(next(iter(self._programs)))
+                for old in (oldest, *textures.values()):
+                    old.release()
         program, tables = self._programs[key]
         low, high = (np.broadcast_to(np.asarray(end, np.float64), 3) for end in ends)
         ratio = tuple(n / m for n, m in zip(target.size, surface.size, strict=True))

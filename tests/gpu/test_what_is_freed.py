@@ -10,8 +10,11 @@ import pytest
 import raymarch as rm
 from raymarch.errors import DeviceError, SceneError
 from raymarch.gpu import Renderer
-from raymarch.gpu.context import Context, kept_context
+from raymarch.gpu.context import Context, kept_context, open_context
+from raymarch.gpu.display import KEPT, display_of
 from raymarch.gpu.probe import probe_with
+from raymarch.gpu.targets import Target
+from raymarch.plan.passes import Output
 from tests.support.gl_objects import alive
 
 LAMPS = [rm.PointLight((0.1 * i, 2, 1), intensity=0.3) for i in range(40)]
@@ -118,6 +121,24 @@ def test_pictures_use_one_context_again() -> None:
     with kept_context("egl") as fresh, pytest.raises(DeviceError):
         rm.render(rm.sphere(), (8, 5), backend="none")
     assert not fresh.released
+
+
+def test_programs_of_many_exposures_are_freed() -> None:
+    target_of_light = Output(0, slice(0, 3))
+
+    def show(exposure: int) -> bytes | None:
+        pixels = display_of(context).light(target, target_of_light, rm.ToneMapping(exposure=exposure / 8))
+        return None if pixels is None else pixels.tobytes()
+
+    with open_context("egl") as context, Target(context, (4, 4)) as target:
+        target.clear((0.2, 0.1, 0.5, 1.0))
+        first = show(0)
+        for i in range(1, KEPT):
+            show(i)
+        before = alive(context)
+        for i in range(KEPT, 3 * KEPT):
+            show(i)
+        assert first is not None and show(0) == first and alive(context) == before
 
 
 def test_a_context_that_was_asked_for_otherwise_is_released(monkeypatch: pytest.MonkeyPatch) -> None:
