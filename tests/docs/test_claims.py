@@ -9,8 +9,8 @@ import statistics
 
 import pytest
 
-from raymarch.sdf.definition import REGISTRY
 from tests.docs.test_docs import ROOT
+from tests.support.node_samples import definitions
 
 PAGES = {"README.md": ROOT / "README.md"}
 NUMBERS = "no one two three four five six seven eight nine ten eleven twelve".split()
@@ -33,8 +33,7 @@ def test_the_error_is_tested_on_so_many_scenes(page: str) -> None:
 
 @pytest.mark.parametrize("page", PAGES)
 def test_a_shape_takes_so_many_lines(page: str) -> None:
-    built_in = [shape for shape in REGISTRY.values() if shape.arity == "none" and "tests" not in shape.where.file]
-    sources = [inspect.getsource(shape.source) for shape in built_in if "raymarch" in shape.where.file]
+    sources = [inspect.getsource(shape.source) for shape in definitions() if shape.arity == "none"]
     lines = statistics.median(sum(bool(line.strip()) for line in source.splitlines()) for source in sources)
     assert len(sources) >= 80
     assert claim(page, f"{lines:.0f} lines").startswith(f"Median length of the {len(sources)} shapes")
