@@ -121,6 +121,7 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
             "RISING": self.scene.quality.rising_steps > self.marching.steps and not self.scene.quality.steps_per_pass,
             "SAMPLES": self.scene.quality.samples > 1,
             "SHOWS": bool(lights.visible(self.scene)),
+            "SKIPS": self._skips,
             "STANDALONE": self.standalone,
             "STANDS": marching.stands(self.scene),
             "STRETCH": self.stretched,
@@ -130,6 +131,13 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
             "UNCOUNTED": not any(p.counts for p in self.passes),
         }
         return marching.variants_of(self.scene) | {name for name, called in used.items() if called}
+
+    @property
+    def _skips(self) -> bool:
+        """True if turns of a march that only search skip what the others need: not where samples are noted, nor in a
+        shader that is to be small."""
+        named = self.marching.tracer in ("bracketing", "advance")
+        return self.device.branches and named and not self.standalone and not any(p.notes for p in self.passes)
 
     @property
     def _halves(self) -> bool:

@@ -296,3 +296,54 @@ def near_the_noise(
         return near & (last.next >= -noise) & (last.r >= -noise) & (last.next <= 2 * depth)
     low = np.where(near, last.next, np.where(proven & (last.refining | first), last.next, np.inf))
     return (low <= 2 * depth_of(t)) & (last.next >= -noise_of(t)) & (last.r >= -2 * noise_of(last.t))
+
+
+SKIPPED = """
+vec4 skipped(vec4 a, vec4 b, vec4 c) {
+    vec3 widths = hit_widths(ray);
+    float width = close_width(widths);
+    March last = last_of(a, b);
+    float t = last.t + c.x;
+    float behind = BEHIND;
+    float derivative = (c.y - last.r) / c.x;
+    KNOWN
+    bool far_off = is_far(c.y, derivative, width_at(2.0 * widths, 2.0 * width, t));
+    bool skips = far_off && c.x <= last.r + behind + least_leap(last.t);
+    March at = last;
+    follow(at, t, c.y, derivative);
+    float z = free_step(at);
+    March whole;
+    bool empty;
+    bool close = is_close(last, width_at(widths, width, last.t)) || at.t + z > 20.0;
+    bool found = confirmed(a, b, vec4(c.xyz, least_leap(last.t)), whole, empty);
+    found = found || !empty || is_close(whole, width_at(widths, width, t));
+    bool same = at == whole && z == step_length(whole, 20.0);
+    return vec4(close, skips, found, same);
+}
+"""
+
+
+@pytest.mark.parametrize("ahead", [False, True])
+@pytest.mark.parametrize("doubts", [False, True])
+def test_a_turn_that_skips_what_is_close_leaves_the_same_state(egl: Context, doubts: bool, ahead: bool) -> None:
+    rng = np.random.default_rng(43)
+    at = states(doubts, ahead)
+    t, width = at.t, np.maximum(NEAR, 3 * LEAP) * at.t
+    r = width * 10 ** rng.uniform(0, 2.5, COUNT)
+    z = r * rng.uniform(1, 4, COUNT)
+    fallen = np.where(
+        rng.random(COUNT) < 0.5, rng.uniform(-1, 1, COUNT) * z, width * 10 ** rng.uniform(-1, 1, COUNT) - r
+    )
+    following = r + np.clip(fallen, -z, z)
+    free = at.after(r=r, z=z, next=following, kept_t=0 * t, kept_r=0 * t, last=rng.uniform(-1, 0.9, COUNT), flags=0 * t)
+    if ahead:
+        free = free.after(behind=np.abs(following) * rng.uniform(0.9, 1.5, COUNT))
+    after = (AFTER + SKIPPED).replace("KNOWN", (KNOWN + (THERE if doubts else "")) if ahead else "")
+    variants = frozenset(("SKIPS", *["CUTS"] * doubts, *["ADVANCE"] * ahead))
+    shader = text_of("bracketing", after=after.replace("BEHIND", "c.z" if ahead else "abs(c.y)"), variants=variants)
+    (found,) = run_all(egl, shader, [("skipped({0}, {1}, {2})", 4)], inputs(free), UNIFORMS)
+    close, skips, taken, same = (found == 1).T
+    asked = ~close & skips
+    assert 0.1 < asked.mean() < 0.9 and (~close & taken).mean() > 0.02
+    assert not taken[asked].any() and same[asked].all()
+    assert (~close & ~skips & ~taken).mean() < 0.1, "most turns that only search skip the rest"

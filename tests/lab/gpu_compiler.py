@@ -16,7 +16,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,8 @@ from tests.support.gpu_compiler import FAMILIES, Compiler, Statistics, missing
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SIZE = (1920, 1080)
+BY_HAND = "#version 330 core\n#extension GL_ARB_explicit_attrib_location : enable\n" + basic.TEXT
+"""A tracer written by hand, of the scene of hello. Its camera is constant."""
 
 
 def scenes(names: list[str], nodes: bool) -> Iterator[tuple[str, Callable[[], Any]]]:
@@ -50,19 +52,20 @@ def passes_of(
 ) -> dict[str, Statistics]:
     """The statistics of each pass of a picture with one ray per pixel. device : hardware, unless the environment names
     another class."""
+    return {name: compiler.statistics(text, family) for name, text in texts_of(scene, device).items()}
+
+
+def texts_of(scene: rm.Scene, device: DeviceClass | None = None) -> Mapping[str, str]:
+    """The text of each pass of a picture with one ray per pixel."""
     single = scene.replace(quality=scene.quality.replace(samples=1))
-    texts = prepare(single, ("color",), SIZE, device or device_class(is_software=False)).texts
-    return {name: compiler.statistics(text, family) for name, text in texts.items()}
+    return prepare(single, ("color",), SIZE, device or device_class(is_software=False)).texts
 
 
 def show_loops(compiler: Compiler, family: str) -> None:
     """Prints the instructions of each loop of hello and of the tracer of `tests/bench`: march, then shadow."""
-    scene = load(EXAMPLES / "hello.py")
-    single = scene.replace(quality=scene.quality.replace(samples=1))
-    texts = prepare(single, ("color",), SIZE, device_class(is_software=False)).texts
-    by_hand = "#version 330 core\n#extension GL_ARB_explicit_attrib_location : enable\n" + basic.TEXT
+    texts = texts_of(load(EXAMPLES / "hello.py"))
     print("instructions of a turn of each loop: of the shortest way, and of all blocks")
-    for name, text in {"by hand": by_hand, **{f"hello {name}": text for name, text in texts.items()}}.items():
+    for name, text in {"by hand": BY_HAND, **{f"hello {name}": text for name, text in texts.items()}}.items():
         print(f"{name:16} {family:9} " + "; ".join(f"{least}, {most}" for least, most in compiler.loops(text, family)))
 
 

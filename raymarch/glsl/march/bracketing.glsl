@@ -20,6 +20,32 @@ float step_length(March at, float far) {
     return max(at.r, z);
 }
 
+#ifdef SKIPS
+// The same for a ray that keeps no sphere, and whose step does not end beyond its range.
+float free_step(March at) {
+    float z = at.r / (0.5 * (1.0 - at.derivative));
+#ifdef ESTIMATE
+#ifdef ORTHOGRAPHIC
+    z = max(at.r, min(z, at.r + u_pixel));
+#else
+    z = max(at.r, min(z, at.r + u_pixel * at.t));
+#endif
+#endif
+    return z;
+}
+
+// `move`, where the step to the sample is certified to be empty.
+void follow(inout March at, float t, float r, float derivative) {
+    at.t = t;
+    at.r = r;
+    at.last_derivative = derivative;
+    at.derivative = clamp(mix(at.derivative, derivative, smoothing), -1.0, 0.999);
+#ifdef ADVANCE
+    at.derivative = by_distance ? at.derivative : -1.0;
+#endif
+}
+
+#endif
 void move(inout March at, bool empty, float t, float r, float derivative) {
     float low = at.kept_t - abs(at.kept_r);
     bool met = empty && at.kept_t > t && t + r >= low && at.kept_r > 0.0;

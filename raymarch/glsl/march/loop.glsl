@@ -10,7 +10,18 @@
 // doubt, see march/membrane.
 #endif
 // Most turns only search. What only a ray close to a surface needs stands in two branches, `close_step` and `confirm`.
+#ifdef SKIPS
+// Where branches are skipped, a turn that only searches skips both, with all that looks after kept spheres. The next
+// step is chosen at the end of a turn, and held with the state.
+#endif
 
+#ifdef SKIPS
+// The two marks of a ray in one number: for marks that a loop changes, compilers for GPUs keep masks of rays.
+float mode_of(March at) {
+    return (at.refining ? 1.0 : -1.0) * (at.passing ? 2.0 : 1.0);
+}
+
+#endif
 // The part of a step near a surface that may stay unproven, and the width within which such steps begin.
 float leap_width() {
 #ifdef BOUNCES
@@ -176,17 +187,80 @@ bool confirm(Ray ray, vec3 widths, March last, inout March at, float z, float t,
     return found;
 }
 
+// What rounding of t may leave unproven of a step from there.
+float least_leap(float t) {
+#ifdef CUTS
+    return 4.0 * GROWTH * t;
+#else
+    return 0.0;
+#endif
+}
+
+#ifdef SKIPS
+// Whether a sample leaves a ray that only searches as one: neither it nor the expected tangent point is close to a
+// surface. `wide`: twice the width within which it would be.
+bool is_far(float next, float derivative, float wide) {
+    return next + derivative * abs(next) >= wide;
+}
+
+#endif
+// The next step of a ray.
+// z : its length. leap : what may stay unproven of it; negative if a ray only searches. end : 0 if the ray goes on, 1 if
+// it has met a surface, 2 if it has left its range.
+#ifdef SKIPS
+// reach : how far it may search on without another look at its state.
+#endif
+struct Stride {
+    float z;
+    float leap;
+    float end;
+#ifdef SKIPS
+    float reach;
+#endif
+};
+
+// width : within which the last sample of a ray is close to a surface.
+Stride next_stride(Ray ray, vec3 widths, float width, March at, float far) {
+#ifdef SKIPS
+    bool plain = at.kept_t == 0.0 && at.r >= 0.0;  // from inside of an estimate a ray steps back
+    Stride stride = Stride(step_length(at, far), -1.0, 0.0, plain ? far : -1.0);
+#else
+    Stride stride = Stride(step_length(at, far), -1.0, 0.0);
+#endif
+    if (is_close(at, width) || at.t + at.r > far) {
+        stride.leap = least_leap(at.t);
+        stride.z = close_step(ray, widths, at, stride.z, stride.leap);
+#ifdef SKIPS
+        stride.reach = -1.0;
+#endif
+        if (!at.refining && at.t + min(stride.z, at.r) > far) stride.end = 2.0;
+#ifdef EDGES
+        if (edge_width > 0.0 && is_expected(at)) stride.end = 1.0;
+#endif
+    }
+    return stride;
+}
+
 void march(Ray ray, inout March at, inout Hit hit, float far) {
     vec3 widths = hit_widths(ray);
     float near_width = close_width(widths);
+#ifdef SKIPS
+    vec3 wider = 2.0 * widths;
+    float wider_near = 2.0 * near_width;
+    float mode = mode_of(at);
+#endif
 #ifdef NOTED
     note_sample(at.t, at.r, at.r, STARTS);
 #endif
-    bool found = false;
-    bool escaped = false;
-    bool close = true;
 #ifndef UNCOUNTED
     float steps = 0.0;
+#endif
+#ifdef SKIPS
+    Stride stride = next_stride(ray, widths, 1.0e30, at, far);
+    if (stride.end == 0.0) {
+#else
+    Stride stride;
+    float width = 1.0e30;
 #endif
 #ifdef PUBLISHED
     // as Bálint and Valasek (2018) count: an undone step and the plain one that replaces it are one step
@@ -199,25 +273,11 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
     for (int i = 0; i < march_steps; i++) {
 #endif
 #endif
-        float z = step_length(at, far);
-#ifdef CUTS
-        float leap = 4.0 * GROWTH * at.t;
-#else
-        float leap = 0.0;
+#ifndef SKIPS
+        stride = next_stride(ray, widths, width, at, far);
+        if (stride.end != 0.0) break;
 #endif
-        if (close) {
-#ifdef EDGES
-            found = edge_width > 0.0 && is_expected(at);
-            if (found) break;
-#endif
-            z = close_step(ray, widths, at, z, leap);
-            escaped = !at.refining && at.t + min(z, at.r) > far;
-            if (escaped) break;
-        }
-#ifndef UNCOUNTED
-        steps += 1.0;
-#endif
-        float t = at.t + z;
+        float t = at.t + stride.z;
 #ifdef ADVANCE
         float rate = approach;
 #else
@@ -229,7 +289,27 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #else
         float behind = abs(next);
 #endif
-        bool empty = z <= at.r + behind + leap;  // else the step may have passed a surface
+#ifndef UNCOUNTED
+        steps += 1.0;
+#endif
+        float z = stride.z;
+        float derivative = (next - at.r) / z;
+        float proven = at.r + behind + least_leap(at.t);
+        March last = at;
+#ifdef SKIPS
+        follow(at, t, next, derivative);
+        stride.z = free_step(at);
+        bool far_off = is_far(next, derivative, width_at(wider, wider_near, t));
+        if (far_off && t + stride.z <= stride.reach && z <= proven) continue;
+        last.refining = mode > 0.0;
+        last.passing = abs(mode) > 1.5;
+        at = last;
+        float width = width_at(widths, near_width, t);
+#else
+        width = width_at(widths, near_width, t);
+#endif
+        // else the step may have passed a surface
+        bool empty = z <= max(proven, last.r + behind + stride.leap);
 #ifdef NOTED
 #ifdef ADVANCE
         note_sample(t, next, next < 0.0 ? next : way_behind, empty ? SEARCHES : IS_UNDONE);
@@ -237,19 +317,27 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
         note_sample(t, next, next, empty ? SEARCHES : IS_UNDONE);
 #endif
 #endif
-        float derivative = (next - at.r) / z;
-        float width = width_at(widths, near_width, t);
-        March last = at;
         move(at, empty, t, next, derivative);
-        if (close || next < width) {
+        bool found = false;
+        if (stride.leap >= 0.0 || next < width) {
             found = confirm(ray, widths, last, at, z, t, next, behind, empty, derivative, rate);
-            if (found) break;
         }
 #ifndef UNCOUNTED
-        hit.fallbacks += float(!empty);
+        hit.fallbacks += float(!empty && !found);
 #endif
-        close = is_close(at, width) || at.t + at.r > far;
+        if (found) {
+            stride.end = 1.0;
+            break;
+        }
+#ifdef SKIPS
+        mode = mode_of(at);
+        stride = next_stride(ray, widths, width, at, far);
+        if (stride.end != 0.0) break;
     }
+#endif
+    }
+    bool found = stride.end == 1.0;
+    bool escaped = stride.end == 2.0;
 #ifdef CLIP_PLANES
     escaped = escaped || (found && at.t > between_planes(ray, u_far).y);  // a long step may end behind the far plane
     found = found && !escaped;
