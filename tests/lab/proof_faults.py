@@ -36,7 +36,7 @@ VALUE = "float next = march_distance(ray, t);"
 MARCH = {
     "a step too long": (
         ("return leap_pixels * u_pixel;", "return 200.0 * u_pixel;"),
-        ("Stride(step_length(at, far), -1.0, 0.0);", "Stride(1.5 * at.r + 0.01, -1.0, 0.0);"),
+        ("Way(step_length(at, far), -1.0, 0.0);", "Way(1.5 * at.r + 0.01, -1.0, 0.0);"),
         (VALUE, "float next = 1.02 * march_distance(ray, t) - 0.004;"),
         (VALUE, "float next = march_distance(ray, t) + 0.01;"),
     ),

@@ -205,12 +205,12 @@ bool is_far(float next, float derivative, float wide) {
 
 #endif
 // The next step of a ray.
-// z : its length. leap : what may stay unproven of it; negative if a ray only searches. end : 0 if the ray goes on, 1 if
-// it has met a surface, 2 if it has left its range.
+// z : its length. leap : what may stay unproven of it; negative if a ray only searches. end : 0 if the ray goes on,
+// 1 if it has met a surface, 2 if it has left its range.
 #ifdef SKIPS
 // reach : how far it may search on without another look at its state.
 #endif
-struct Stride {
+struct Way {
     float z;
     float leap;
     float end;
@@ -220,25 +220,25 @@ struct Stride {
 };
 
 // width : within which the last sample of a ray is close to a surface.
-Stride next_stride(Ray ray, vec3 widths, float width, March at, float far) {
+Way next_way(Ray ray, vec3 widths, float width, March at, float far) {
 #ifdef SKIPS
     bool plain = at.kept_t == 0.0 && at.r >= 0.0;  // from inside of an estimate a ray steps back
-    Stride stride = Stride(step_length(at, far), -1.0, 0.0, plain ? far : -1.0);
+    Way way = Way(step_length(at, far), -1.0, 0.0, plain ? far : -1.0);
 #else
-    Stride stride = Stride(step_length(at, far), -1.0, 0.0);
+    Way way = Way(step_length(at, far), -1.0, 0.0);
 #endif
     if (is_close(at, width) || at.t + at.r > far) {
-        stride.leap = least_leap(at.t);
-        stride.z = close_step(ray, widths, at, stride.z, stride.leap);
+        way.leap = least_leap(at.t);
+        way.z = close_step(ray, widths, at, way.z, way.leap);
 #ifdef SKIPS
-        stride.reach = -1.0;
+        way.reach = -1.0;
 #endif
-        if (!at.refining && at.t + min(stride.z, at.r) > far) stride.end = 2.0;
+        if (!at.refining && at.t + min(way.z, at.r) > far) way.end = 2.0;
 #ifdef EDGES
-        if (edge_width > 0.0 && is_expected(at)) stride.end = 1.0;
+        if (edge_width > 0.0 && is_expected(at)) way.end = 1.0;
 #endif
     }
-    return stride;
+    return way;
 }
 
 void march(Ray ray, inout March at, inout Hit hit, float far) {
@@ -256,10 +256,10 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
     float steps = 0.0;
 #endif
 #ifdef SKIPS
-    Stride stride = next_stride(ray, widths, 1.0e30, at, far);
-    if (stride.end == 0.0) {
+    Way way = next_way(ray, widths, 1.0e30, at, far);
+    if (way.end == 0.0) {
 #else
-    Stride stride;
+    Way way;
     float width = 1.0e30;
 #endif
 #ifdef PUBLISHED
@@ -274,10 +274,11 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #endif
 #endif
 #ifndef SKIPS
-        stride = next_stride(ray, widths, width, at, far);
-        if (stride.end != 0.0) break;
+        way = next_way(ray, widths, width, at, far);
+        if (way.end != 0.0) break;
 #endif
-        float t = at.t + stride.z;
+        float z = way.z;
+        float t = at.t + z;
 #ifdef ADVANCE
         float rate = approach;
 #else
@@ -292,15 +293,14 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #ifndef UNCOUNTED
         steps += 1.0;
 #endif
-        float z = stride.z;
         float derivative = (next - at.r) / z;
         float proven = at.r + behind + least_leap(at.t);
         March last = at;
 #ifdef SKIPS
         follow(at, t, next, derivative);
-        stride.z = free_step(at);
+        way.z = free_step(at);
         bool far_off = is_far(next, derivative, width_at(wider, wider_near, t));
-        if (far_off && t + stride.z <= stride.reach && z <= proven) continue;
+        if (far_off && t + way.z <= way.reach && z <= proven) continue;
         last.refining = mode > 0.0;
         last.passing = abs(mode) > 1.5;
         at = last;
@@ -309,7 +309,7 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
         width = width_at(widths, near_width, t);
 #endif
         // else the step may have passed a surface
-        bool empty = z <= max(proven, last.r + behind + stride.leap);
+        bool empty = z <= max(proven, last.r + behind + way.leap);
 #ifdef NOTED
 #ifdef ADVANCE
         note_sample(t, next, next < 0.0 ? next : way_behind, empty ? SEARCHES : IS_UNDONE);
@@ -318,26 +318,24 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #endif
 #endif
         move(at, empty, t, next, derivative);
-        bool found = false;
-        if (stride.leap >= 0.0 || next < width) {
-            found = confirm(ray, widths, last, at, z, t, next, behind, empty, derivative, rate);
+        if (way.leap >= 0.0 || next < width) {
+            if (confirm(ray, widths, last, at, z, t, next, behind, empty, derivative, rate)) {
+                way.end = 1.0;
+                break;
+            }
         }
 #ifndef UNCOUNTED
-        hit.fallbacks += float(!empty && !found);
+        hit.fallbacks += float(!empty);
 #endif
-        if (found) {
-            stride.end = 1.0;
-            break;
-        }
 #ifdef SKIPS
         mode = mode_of(at);
-        stride = next_stride(ray, widths, width, at, far);
-        if (stride.end != 0.0) break;
+        way = next_way(ray, widths, width, at, far);
+        if (way.end != 0.0) break;
     }
 #endif
     }
-    bool found = stride.end == 1.0;
-    bool escaped = stride.end == 2.0;
+    bool found = way.end == 1.0;
+    bool escaped = way.end == 2.0;
 #ifdef CLIP_PLANES
     escaped = escaped || (found && at.t > between_planes(ray, u_far).y);  // a long step may end behind the far plane
     found = found && !escaped;
