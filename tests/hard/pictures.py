@@ -52,7 +52,7 @@ def pairs() -> list[Pair]:
 
 def marches() -> Iterator[Pair]:
     shell = rm.sphere(1.0).shell(0.004) - rm.box((2.2, 2.2, 2.2)).translate((0.9, 0.9, 0.9))
-    always = without("march/loop", "z <= max(proven, last.r + behind + way.leap)", "true")
+    always = without("march/loop", "z <= last.r + behind + max(way.leap, least_leap(last.t))", "true")
     yield Pair(1, "thin shell", rm.Scene(shell, ABOVE, quality=rm.Quality(tracer="auto_relaxed")), unmended=always)
     columns = rm.cylinder(0.025, 3.0).repeat((0.7, None, 0.7)) | rm.plane(offset=-0.5)
     cones = rm.Scene(columns, rm.Camera((0.35, 0.9, 3.0), (0, 0.3, 0), fov=60.0), quality=rm.Quality(schedule="cones"))

@@ -187,15 +187,13 @@ bool confirm(Ray ray, vec3 widths, March last, inout March at, float z, float t,
     return found;
 }
 
+#ifdef CUTS
 // What rounding of t may leave unproven of a step from there.
 float least_leap(float t) {
-#ifdef CUTS
     return 4.0 * GROWTH * t;
-#else
-    return 0.0;
-#endif
 }
 
+#endif
 #ifdef SKIPS
 // Whether a sample leaves a ray that only searches as one: neither it nor the expected tangent point is close to a
 // surface. `wide`: twice the width within which it would be.
@@ -228,7 +226,11 @@ Way next_way(Ray ray, vec3 widths, float width, March at, float far) {
     Way way = Way(step_length(at, far), -1.0, 0.0);
 #endif
     if (is_close(at, width) || at.t + at.r > far) {
+#ifdef CUTS
         way.leap = least_leap(at.t);
+#else
+        way.leap = 0.0;
+#endif
         way.z = close_step(ray, widths, at, way.z, way.leap);
 #ifdef SKIPS
         way.reach = -1.0;
@@ -294,7 +296,13 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
         steps += 1.0;
 #endif
         float derivative = (next - at.r) / z;
+#ifdef SKIPS
+#ifdef CUTS
         float proven = at.r + behind + least_leap(at.t);
+#else
+        float proven = at.r + behind;
+#endif
+#endif
         March last = at;
 #ifdef SKIPS
         follow(at, t, next, derivative);
@@ -309,7 +317,15 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
         width = width_at(widths, near_width, t);
 #endif
         // else the step may have passed a surface
+#ifdef SKIPS
         bool empty = z <= max(proven, last.r + behind + way.leap);
+#else
+#ifdef CUTS
+        bool empty = z <= last.r + behind + max(way.leap, least_leap(last.t));
+#else
+        bool empty = z <= last.r + behind + max(way.leap, 0.0);
+#endif
+#endif
 #ifdef NOTED
 #ifdef ADVANCE
         note_sample(t, next, next < 0.0 ? next : way_behind, empty ? SEARCHES : IS_UNDONE);
