@@ -9,9 +9,7 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
     bool inside = side * u_side < 0.0;
 #ifdef ANALYTIC
     float solved = inside ? 1.0e30 : solved_ahead(ray, travelled);
-    bool blocked = solved <= range.y;
-    if (blocked) hit.t = solved;
-    hit.found = blocked;
+    if (solved <= range.y) hit.t = solved;
     if (!inside) {
         range = marched_range(ray, range);
         range.y = min(range.y, solved);
@@ -30,6 +28,7 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
     approach = 1.0;
 #endif
 #endif
+    float end = 0.0;  // 1: the ray has left its range, 2: it has met a solid
     for (int i = 0; i < secondary_steps; i++) {
 #ifdef CUTS
         float noise = noise_of(ray, at.t);
@@ -41,7 +40,10 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
         float z = step_length(at, range.y);
 #endif
         if (i == 0) z += skipped;
-        if (at.t + min(z, at.r) > range.y) return hit;
+        if (at.t + min(z, at.r) > range.y) {
+            end = 1.0;
+            break;
+        }
         float t = at.t + z;
         vec3 p = ray.origin + t * ray.direction;
 #ifdef ADVANCE
@@ -123,20 +125,19 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
         met = met && !unproven;
 #endif
         if (met) {
-            hit.found = true;
+            end = 2.0;
             float rest = slope < 0.0 ? r / max(-slope, 0.125) : r;
             hit.t = max(t + rest, begin);  // a ray may start deep in a solid that was hidden before
             hit.residual = max(r, 0.0);  // an upper bound
-            return hit;
+            break;
         }
         move(at, empty, t, r, known ? slope : at.derivative);
     }
-    bool meets = meets_ahead(at.r, slope, range.y - at.t);
+    bool meets = end == 0.0 && meets_ahead(at.r, slope, range.y - at.t);
     if (meets) hit.t = at.t + at.r / -slope;
+    hit.found = meets || end == 2.0;
 #ifdef ANALYTIC
-    hit.found = meets || blocked;
-#else
-    hit.found = meets;
+    hit.found = hit.found || hit.t > 0.0;
 #endif
     return hit;
 }
