@@ -69,3 +69,11 @@ def test_cells_of_a_part_lie_in_their_level_and_cover_the_finer_one() -> None:
             assert x >= 0 and y >= 0 and x + width <= across and y + height <= up
             assert x * SIZE[0] / across <= box[0] and (x + width) * SIZE[0] / across >= box[0] + box[2]
             assert y * SIZE[1] / up <= box[1] and (y + height) * SIZE[1] / up >= box[1] + box[3]
+
+
+def test_parts_have_the_points_of_the_lens_of_the_whole(egl: Context) -> None:
+    scene = SCENE.replace(camera=rm.Camera((1, 1, 4), (0, 0, 0), aperture=0.3), quality=rm.Quality(samples=2))
+    with rm.Renderer(SIZE, context=egl) as renderer:
+        whole = renderer.render(scene).color
+        renderer.resize((32, 21))
+        assert np.array_equal(renderer.render(scene, part=PicturePart(SIZE, (9, 11))).color, whole[11:32, 9:41])

@@ -10,7 +10,8 @@ vec2 lens_point() {
 #ifdef CONE
     return vec2(0.0);
 #endif
-    uint hash = pcg(uint(gl_FragCoord.x) + pcg(uint(gl_FragCoord.y)));
+    uvec2 pixel = uvec2(PIXEL);
+    uint hash = pcg(pixel.x + pcg(pixel.y));
     float x = float(hash >> 8) * 5.9604645e-8;
     float y = float(pcg(hash) >> 8) * 5.9604645e-8;
     vec2 square = 2.0 * fract(vec2(x, y) + float(u_sample) * LENS_STEP) - 1.0;
