@@ -26,6 +26,8 @@ UNFINISHED = ".raymarch."
 
 _read: dict[str, None] | None = None
 _hooked = False
+_data: dict[str, None] = {}  # files that `reading` read and this process had not written
+_made: set[str] = set()  # files that `written` wrote
 
 
 def reads(file: str | os.PathLike[str]) -> None:
@@ -45,6 +47,8 @@ def reading(
     try:
         if not stat.S_ISREG(mode := os.stat(file).st_mode):
             raise OSError("it is a directory" if stat.S_ISDIR(mode) else "it is a device or a pipe")
+        if (place := os.path.abspath(name)) not in _made:
+            _data[place] = None
         yield
     except RaymarchError as fault:
         if name in fault.what:
@@ -192,15 +196,19 @@ def may_belong(file: str) -> bool:
     return is_users(file) and not file.startswith(("/proc/", "/sys/", "/dev/", *caches))
 
 
-def check_apart(read: Iterable[str], outputs: Iterable[Path | None], error: type[RaymarchError] = SceneError) -> None:
+def check_apart(
+    read: Iterable[str] | None, outputs: Iterable[Path | None], error: type[RaymarchError] = SceneError
+) -> None:
     """`error` if an output would replace a file that was read, also by another name of it.
 
-    read : as `recorded` gives it for a scene that was loaded.
+    read : as `recorded` gives it for a scene that was loaded. None: the files of data that this process has read, but
+        not those that it wrote before.
     """
-    inputs = {_identity(name) for name in read if may_belong(name)} - {None}
+    reader, names = ("program", [*_data]) if read is None else ("command", read)
+    inputs = {_identity(name) for name in names if may_belong(name)} - {None}
     for file in outputs if inputs else ():
         if file is not None and _identity(file) in inputs:
-            raise error(f"cannot write '{file}': this command reads it", legal="another name")
+            raise error(f"cannot write '{file}': this {reader} reads it", legal="another name")
 
 
 def _identity(file: str | os.PathLike[str]) -> tuple[int, int] | None:
@@ -248,6 +256,7 @@ def written(file: Path, error: type[RaymarchError] = SceneError, folder: Path | 
             if before is not None:
                 partial.chmod(stat.S_IMODE(mode))
             partial.replace(target)
+        _made.add(os.path.abspath(file))
     except RaymarchError:  # a ValueError too: of the block, and complete
         raise
     except (OSError, ValueError, MemoryError, struct.error) as fault:  # the last three are limits of formats

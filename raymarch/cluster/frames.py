@@ -27,7 +27,7 @@ from raymarch.export.sequence import Contents, Item, Parts, Placed, Runner, fram
 from raymarch.export.stills import Shot
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import instance, integer, optional, real, short, switch
-from raymarch.files import import_optional, write, written
+from raymarch.files import check_apart, import_optional, write, written
 from raymarch.gpu.driver import Driver
 from raymarch.gpu.part import PicturePart
 from raymarch.gpu.renderer import Renderer
@@ -250,7 +250,8 @@ def render_frames(
 
     Raises
     ------
-    SceneError : an unknown format, or a scene file that is wrong.
+    SceneError : an unknown format, a scene file that is wrong, or a picture that would replace a file which the scene
+        reads.
     ClusterError : the workers cannot be used, or frames could not be drawn. All other frames are then written.
     """
     numbers = [integer("render_frames: frames", number, 0, 10**9) for number in _several("frames", frames)]
@@ -266,6 +267,8 @@ def render_frames(
     instance("render_frames: params", params, Mapping | None, "a dict of values by name, or None")
     target = Path(out)
     items = frames_of(target, numbers, fps, (width, height))
+    source, made = (None, scene) if isinstance(scene, Scene) else of_file(scene)
+    check_apart(None if source is None else source.files, (target, *(item.file for item in items)))
     suffix = target.suffix.lower()
     alpha, strict = switch("render_frames: alpha", alpha), switch("render_frames: strict", strict)
     form, level = (".png", png.DRAFT) if suffix in FILMS else (suffix, png.FRAME)
@@ -273,13 +276,11 @@ def render_frames(
     with Parts(items, target) if suffix in FILMS else nullcontext() as parts:
         outcomes: Iterable[tuple[Item, Outcome]]
         if client is None:
-            made = scene if isinstance(scene, Scene) else staged(of_file(scene)[1])
-            outcomes = _draw_here(made, shot, items, backend, device, parts)
+            outcomes = _draw_here(made if source is None else staged(made), shot, items, backend, device, parts)
         else:
             distributed = import_optional("render_frames with a client", "distributed", "cluster", ClusterError)
             instance("render_frames: client", client, distributed.Client, "a distributed.Client, or None")
-            source, made = (of_scene(scene), scene) if isinstance(scene, Scene) else of_file(scene)
-            made = staged(made)
+            source, made = source or of_scene(made), staged(made)
             split = integer("render_frames: split_samples", split_samples, 1, 4096)
             timeout = real("render_frames: task_timeout", task_timeout, 1.0, 1e9, "seconds >= 1")
             together = optional(integer, "render_frames: batch", batch, 1, 10**6)

@@ -17,7 +17,7 @@ import numpy as np
 from raymarch.errors import Location, RaymarchError, SceneError, warn
 from raymarch.expr.calls import checked
 from raymarch.expr.convert import file_path, integer, numbers, real, short, switch
-from raymarch.files import import_optional, written
+from raymarch.files import check_apart, import_optional, written
 from raymarch.scene.parameter import ParamValue, Values, set_values
 from raymarch.scene.scene import Scene, as_scene
 from raymarch.scene.studio import staged
@@ -100,7 +100,7 @@ def export(
     Raises
     ------
     SceneError : an unknown suffix, an option that the form does not have, an unbounded solid without a box, a file that
-        cannot be written, a missing package.
+        cannot be written or that this program has read as a mesh, picture or font, a missing package.
     PlanError : the form cannot hold an effect of the scene.
     """
     scene = as_scene("export", scene)
@@ -111,6 +111,7 @@ def export(
         suffix, file, shadertoy=switch("export: shadertoy", shadertoy), cells=cells, tolerance=tolerance, box=box
     )
     values = set_values(scene.parameters, params, time, scene.where)
+    check_apart(None, (file, file.with_suffix(TEXTURES)))
     if suffix in MESHES:
         from raymarch.export import mesh_files
 
