@@ -38,6 +38,8 @@ def _fog(scene: Scene) -> Function:
 
 
 def _applied(scene: Scene, color: str, origin: str, direction: str, length: str) -> str:
+    if scene.camera.clips and scene.fog is not None and scene.fog.box is not None:
+        origin, length = f"{origin} + planes.x * {direction}", f"min({length}, planes.y) - planes.x"
     texts = {COLOR: color, ORIGIN: origin, DIRECTION: direction, LENGTH: length}
     return f"apply_fog({', '.join(texts[p] for p in _fog(scene).params)})"
 
@@ -50,11 +52,18 @@ def begin_shade(text: Lines, plan: Plan, values: Values, bounces: bool = False) 
     if scene.fog is not None and scene.fog.covers_sky:
         sky = _applied(scene, sky, "ray.origin", "ray.direction", literal(SKY_DISTANCE))
     text.add("vec3 shade(Ray ray, Hit hit) {")
+    if scene.camera.clips:  # surfaces are hit between the planes, but lights and matter may lie elsewhere
+        text.add(f"    vec2 planes = between_planes(ray, {literal(SKY_DISTANCE)});")
     if visible(scene):
-        seen = "shown.rgb"
+        seen, found = "shown.rgb", "visible_light(ray, hit, 0.0)"
         if scene.fog is not None:
             seen = _applied(scene, seen, "ray.origin", "ray.direction", "shown.w")
-        text.add("    vec4 shown = visible_light(ray, hit, 0.0);", f"    if (shown.w >= 0.0) return {seen};")
+        if scene.camera.clips:
+            text.add("    Hit last = hit;", f"    last.found = hit.found || planes.y < {literal(SKY_DISTANCE)};")
+            text.add("    last.t = (hit.found ? hit.t : planes.y) - planes.x;")
+            found = "visible_light(Ray(ray.origin + planes.x * ray.direction, ray.direction), last, planes.x)"
+        text.add(f"    vec4 shown = {found};", "    if (shown.w >= 0.0) {")
+        text.add(*["        shown.w += planes.x;"] * scene.camera.clips, f"        return {seen};", "    }")
     text.add(f"    if (!hit.found) return {sky};")
     if bounces:
         read = _fog(scene).params if scene.fog is not None else ()

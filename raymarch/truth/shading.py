@@ -49,7 +49,8 @@ class Surface:
     scene, values, field : the scene, its parameter values and its field.
     origin, directions : ray origins, (3,) or (N, 3), and unit ray directions, (N, 3).
     depth : distances from the origin, (N,).
-    far : far distance of camera rays. inside : the origin lies in the solid.
+    far : far distance of camera rays. near : distances of the camera's near plane, (N,) or a number.
+    inside : the origin lies in the solid.
     pixel : width of a pixel at distance 1, or at all distances if camera rays are `parallel`. travelled : path length
         from the camera to the origin, (N,) or a number.
     in_glass : the origin lies in glass that the path has entered; its absorption coefficient is `absorption`, (N, 3),
@@ -70,6 +71,7 @@ class Surface:
     min_roughness: float = 0.0
     travelled: Array | float = 0.0
     parallel: bool = False
+    near: Array | float = 0.0
 
     @cached_property
     def points(self) -> Array:
@@ -118,7 +120,7 @@ class Surface:
 
     def apply_fog(self, color: Array) -> Array:
         """Attenuate a colour at the surface by the fog, (N, 3) -> (N, 3)."""
-        return fogged(self.scene, self.values, color, self.origin, self.directions, self.depth)
+        return fogged(self.scene, self.values, color, self.origin, self.directions, self.depth, self.near)
 
     @cached_property
     def _ambient_occlusion(self) -> Array:

@@ -251,6 +251,7 @@ def trace(
     far = scene.far(pose, values)
     scene_field = field_of(scene, values, node)
     roots, sides = _first_hits_of_camera(scene, scene_field, pose, rays, far)
+    near, end = pose.near / (rate := rays.directions @ pose.view), pose.far / rate
     surfaces = []
     residual = np.zeros(roots.t.shape)
     for inside, side in sides:
@@ -259,13 +260,16 @@ def trace(
         rows = side[np.isfinite(roots.t[side])]
         origins = rays.origins[0] if len(rays.origins) == 1 else rays.origins[rows]
         along = origins, rays.directions[rows], roots.t[rows]
-        surface = Surface(scene, values, scene_field, *along, far, inside, pixel, parallel=pose.orthographic)
+        surface = Surface(
+            scene, values, scene_field, *along, far, inside, pixel, parallel=pose.orthographic, near=near[rows]
+        )
         residual[rows] = np.abs(scene_field.distance(surface.points))
         surfaces.append((rows, surface))
-    light, distance = lights_shown(scene.lights, values, rays.origins, rays.directions, roots.t)
+    starts = rays.at(np.arange(len(near)), near)
+    light, distance = lights_shown(scene.lights, values, starts, rays.directions, np.minimum(roots.t, end) - near)
     lit = np.isfinite(distance)
-    origins = np.broadcast_to(rays.origins, rays.directions.shape)[lit]
-    shown = fogged(scene, values, light[lit], origins, rays.directions[lit], distance[lit]) if lit.any() else None
+    origins, distance = np.broadcast_to(rays.origins, rays.directions.shape)[lit], (near + distance)[lit]
+    shown = fogged(scene, values, light[lit], origins, rays.directions[lit], distance, near[lit]) if lit.any() else None
     return Truth(
         depth=roots.t.reshape(shape),
         hit=np.isfinite(roots.t).reshape(shape),
@@ -276,7 +280,7 @@ def trace(
         origin=np.broadcast_to(rays.origins, rays.directions.shape).reshape(*shape, 3),
         direction=rays.directions.reshape(*shape, 3),
         _surfaces=surfaces,
-        _sky=sky_seen(scene, values, rays.origins, rays.directions).reshape(*shape, 3),
+        _sky=sky_seen(scene, values, rays.origins, rays.directions, near, end).reshape(*shape, 3),
         _shown=None if shown is None else (lit.reshape(shape), shown),
     )
 

@@ -219,3 +219,19 @@ def test_a_camera_without_a_position_shows_the_medium() -> None:
         assert np.all(z < 0) and 0.6 < reach <= 1.0, (node, reach)
     alone = rm.Scene(rm.sphere(0.3)).pose(Values({}), 1.5)
     np.testing.assert_allclose(rm.Scene(rm.sphere(0.3), fog=haze).pose(Values({}), 1.5).position, alone.position)
+
+
+@pytest.mark.parametrize(
+    ("near", "far", "length"), [(4.5, None, 1.5), (4.5, 5.5, 1.0), (0.0, 5.0, 1.0), (7.0, 9.0, 0.0)]
+)
+@pytest.mark.parametrize("wall", [-50.0, -0.5])
+def test_clip_planes_cut_it(near: float, far: float | None, length: float, wall: float) -> None:
+    """Before a lit sky, or before a glowing wall in its middle, which the planes may hide."""
+    glow = (
+        rm.box((9, 9, 1)).translate((0, 0, wall - 0.5)).material(rm.Material((0, 0, 0), specular=0, emission=(1, 1, 1)))
+    )
+    given = scene(rm.Medium(0.7, BOUNDS, (0, 0, 0)), node=glow, sky=(1, 1, 1))
+    shown = wall > -1.0 and near < 5.5 and (far is None or far > 5.5)
+    length = 5.5 - near if shown else length
+    found = middle(given.replace(camera=rm.Camera(tuple(EYE), (0, 0.2, 0), near=near, far=far)))
+    np.testing.assert_allclose(found, math.exp(-0.7 * length), rtol=1e-4)

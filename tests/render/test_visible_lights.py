@@ -231,3 +231,24 @@ def test_a_light_that_a_floor_cuts_is_shown_no_deeper_than_a_hit_may_lie(rendere
         return float((renderer.render(seen).color - renderer.render(hidden).color).sum())
 
     assert shown(rm.Quality(samples=64)) < 1.07 * shown(rm.Quality(samples=64, epsilon=0.002))
+
+
+@pytest.mark.parametrize("integrator", ["path", "whitted"])
+@pytest.mark.parametrize("bounces", [0, 1])
+@pytest.mark.parametrize(
+    ("planes", "seen"), [((0, None), 3), ((2.2, None), 1), ((4.5, None), 0), ((0, 1), 0), ((0, 3), 3)]
+)
+def test_clip_planes_hide_lights(
+    renderer: rm.Renderer, planes: tuple[float, float | None], seen: float, bounces: int, integrator: str
+) -> None:
+    """A camera looks at a ball before a plate."""
+    lights = [
+        rm.SphereLight((0, 0, 2), 0.5, intensity=0.75, visible=True),
+        rm.RectLight((0, 0, 1), 2, 2, intensity=4 / math.pi, direction=(0, 0, 1), visible=True),
+    ]
+    camera = rm.Camera((0, 0, 4), (0, 0, 0), near=planes[0], far=planes[1])
+    given = scene(lights[0], camera, rm.sphere().translate((0, 99, 0)), bounces=bounces).replace(lights=lights)
+    given = given.replace(quality=rm.Quality(integrator=integrator))
+    np.testing.assert_allclose(renderer.render(given).color[N // 2, N // 2], seen, rtol=1e-4)
+    if not bounces:
+        np.testing.assert_allclose(rm.truth(given, (N, N)).color[N // 2, N // 2], seen, rtol=1e-4)
