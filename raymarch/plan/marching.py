@@ -195,6 +195,11 @@ def stands(scene: Scene) -> bool:
     return cut(scene) and False in touching_glass(scene, scene.node)
 
 
+def films(scene: Scene) -> bool:
+    """True if paths may pass a film of air of no thickness between glass and what is no glass."""
+    return not scene.whitted and False in touching_glass(scene, scene.node)
+
+
 def clipped(scene: Scene) -> bool:
     """True if the scene's box is bounded on some side, so that rays are clipped to it."""
     facts = scene.node.facts

@@ -124,6 +124,7 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
             "SKIPS": self._skips,
             "STANDALONE": self.standalone,
             "STANDS": marching.stands(self.scene),
+            "FILMS": marching.films(self.scene),
             "STRETCH": self.stretched,
             "ESTIMATE": not self.certified,
             "HALVED": self._halves,

@@ -14,6 +14,7 @@ from raymarch.expr.node import const
 from raymarch.expr.pieces import constant, filled
 from raymarch.plan import Plan
 from raymarch.plan.lights import visible
+from raymarch.plan.marching import films
 from raymarch.scene.fields import SMOOTH
 from raymarch.scene.reflectance import fresnel_dielectric, sample_rough_dielectric
 from raymarch.scene.subsurface import scattering_albedo
@@ -54,6 +55,7 @@ def path_tracing(text: Lines, plan: Plan, values: Values, reflection: Reflection
             "SHINES": shines,
             "GLASS": glass,
             "FROSTED": frosted,
+            "FILMS": films(scene),
             "EMITS": plan.emission is not None,
             "SHOWS": shows,
             "SUBSURFACE": reflection.scattered is not None,

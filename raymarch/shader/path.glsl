@@ -24,6 +24,9 @@ $visible
         Glass glass = glass_at($material);
         bool enters = side < 0.0 || random_of_pixel(dimension + 3) < glass.transmission;
 #endif
+#ifdef FILMS
+        surface.p -= min(hit.residual, 0.0) * $solid;  // onto the face
+#endif
 #ifdef SUBSURFACE
         Surface below = surface;
         bool scatters = random_of_pixel(60000 + 2 * bounce) < surface.material.subsurface;

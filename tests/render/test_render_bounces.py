@@ -12,6 +12,7 @@ from raymarch.errors import SceneError
 from raymarch.expr.vocabulary import abs as size
 from raymarch.expr.vocabulary import vec3, where
 from raymarch.gpu import Renderer
+from raymarch.gpu.context import Context
 from raymarch.plan import plan
 from raymarch.shader import assemble
 from raymarch.truth import silhouettes, truth
@@ -232,3 +233,23 @@ def test_no_bounces_is_no_text_of_them() -> None:
 def test_bounces_beyond_the_limit_are_refused(bounces: object) -> None:
     with pytest.raises(SceneError, match="bounces"):
         rm.Scene(rm.sphere(), bounces=bounces)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("marched", [False, True])
+@pytest.mark.parametrize("albedo", [0.5, 1.0])
+def test_what_glass_stands_on_is_as_bright_as_below_a_film_of_air(egl: Context, albedo: float, marched: bool) -> None:
+    """In a white sky. Paths that leave a face under glass meet the glass, not that face again."""
+    glass = rm.Material(transmission=1)
+    grey = rm.Material(albedo=(albedo,) * 3, roughness=1, f0=0)
+
+    def seen(gap: float) -> float:
+        core = rm.sphere(0.5) if marched else rm.box((1, 1, 0.4)).translate((0, 0, -0.3))
+        shell = rm.sphere(0.8) - rm.sphere(0.5 + gap) if marched else rm.box((1, 1, 0.4)).translate((0, 0, 0.1 + gap))
+        sky, quality = rm.Sky((1, 1, 1), light=True), rm.Quality(samples=256)
+        camera = rm.Camera((0, 0, 5), (0, 0, 0), fov=4)
+        node = shell.material(glass) | core.material(grey)
+        scene = rm.Scene(node, camera, lights=[], sky=sky, bounces=10, quality=quality)
+        with rm.Renderer((6, 6), context=egl) as small:
+            return float(small.render(scene).color.mean())
+
+    assert seen(0.0) == pytest.approx(seen(1e-3), abs=0.02)

@@ -139,5 +139,18 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
 #ifdef ANALYTIC
     hit.found = hit.found || hit.t > 0.0;
 #endif
+#ifdef FILMS
+    // A ray between solids that touch starts on the face of both: the one that it meets is that which holds the offset.
+    if (!inside && hit.found && hit.t < offset) {
+        float depth = u_side * field(ray.origin + offset * ray.direction);
+#ifndef UNCOUNTED
+        hit.evaluations += 1.0;
+#endif
+        if (depth < 0.0) {
+            hit.t = offset;
+            hit.residual = depth;
+        }
+    }
+#endif
     return hit;
 }
