@@ -25,7 +25,7 @@ $visible
         bool enters = side < 0.0 || random_of_pixel(dimension + 3) < glass.transmission;
 #endif
 #ifdef FILMS
-        surface.p -= min(hit.residual, 0.0) * $solid;  // onto the face
+        surface.p -= side * min(hit.residual, 0.0) * $solid;  // onto the face
 #endif
 #ifdef SUBSURFACE
         Surface below = surface;

@@ -236,10 +236,13 @@ def test_bounces_beyond_the_limit_are_refused(bounces: object) -> None:
 
 
 @pytest.mark.parametrize("marched", [False, True])
-@pytest.mark.parametrize("albedo", [0.5, 1.0])
-def test_what_glass_stands_on_is_as_bright_as_below_a_film_of_air(egl: Context, albedo: float, marched: bool) -> None:
-    """In a white sky. Paths that leave a face under glass meet the glass, not that face again."""
-    glass = rm.Material(transmission=1)
+@pytest.mark.parametrize(("albedo", "roughness", "ior"), [(0.5, 0.0, 1.5), (1.0, 0.0, 2.5), (0.5, 0.3, 1.5)])
+def test_what_glass_stands_on_is_as_bright_as_below_a_film_of_air(
+    egl: Context, albedo: float, roughness: float, ior: float, marched: bool
+) -> None:
+    """In a white sky. Paths that leave a face under glass meet the glass, not that face again, and those that leave the
+    glass are refracted as by glass."""
+    glass = rm.Material(transmission=1, roughness=roughness, ior=ior)
     grey = rm.Material(albedo=(albedo,) * 3, roughness=1, f0=0)
 
     def seen(gap: float) -> float:

@@ -141,13 +141,15 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
 #endif
 #ifdef FILMS
     // A ray between solids that touch starts on the face of both: the one that it meets is that which holds the offset.
-    if (!inside && hit.found && hit.t < offset) {
-        float depth = u_side * field(ray.origin + offset * ray.direction);
+    // In glass it is the glass.
+    if (hit.found && (inside || hit.t < offset)) {
+        float place = inside ? max(hit.t - offset, 0.5 * hit.t) : offset;
+        float depth = u_side * field(ray.origin + place * ray.direction);
 #ifndef UNCOUNTED
         hit.evaluations += 1.0;
 #endif
         if (depth < 0.0) {
-            hit.t = offset;
+            hit.t = place;
             hit.residual = depth;
         }
     }
