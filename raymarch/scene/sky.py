@@ -321,7 +321,7 @@ class ImageSky(Sky):
     ----------
     source : name of a Radiance (.hdr), OpenEXR (.exr), or a file that Pillow reads, up to 2046 pixels wide and high.
     intensity : factor >= 0.
-    rotation : about the y axis, in radians.
+    rotation : about the y axis, in radians, clockwise as seen from above; `node.rotate` turns the other way.
     light : see `Sky`.
 
     Raises
