@@ -394,20 +394,12 @@ def choices(
     found |= _steps_of(scene, marching)
     if solved:
         found["march/analytic"] = solved
-    if clipped(scene):
-        found["march/clipped"] = "rays are marched only inside the scene's box"
-    else:
-        found["march/whole"] = "the scene's box is unbounded on all sides"
-    if marching.cones and marching.tracer == "advance":
-        found["march/cone_size"] = "rays and cones ask how far they are free"
-    if marching.cones:
-        found["march/begin_on"] = "rays start where their cones ended"
-    else:
-        found["march/begin"] = "rays start at the camera"
+    found["march/clipped"] = "rays are marched only inside the scene's box, if it has one"
+    found |= {"march/cone_size": marching.schedule_reason} if marching.cones else {}
     if marching.resumed:
         found["march/resumed"] = f"Quality(steps_per_pass={quality.steps_per_pass})"
     else:
-        found["march/trace" + "_on" * marching.cones] = marching.schedule_reason
+        found["march/trace"] = marching.schedule_reason
     return found
 
 

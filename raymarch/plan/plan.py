@@ -128,8 +128,10 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
             "STRETCH": self.stretched,
             "ESTIMATE": not self.certified,
             "HALVED": self._halves,
+            "JOINT": self.joint,
+            "MAPPED": shading.mapped(self.scene),
+            "PATTERNED": shading.patterned(self.scene),
             "UNDIVIDED": self.undivided is not None and any(map(reads_field, self.scene.lights)),
-            "UNCOUNTED": not any(p.counts for p in self.passes),
         }
         return marching.variants_of(self.scene) | {name for name, called in used.items() if called}
 
@@ -286,7 +288,6 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
         return {
             **marching.choices(scene, self.marching, self.epsilon, self.standalone, solved),
             f"normal/{normals}": f"Quality(normals={normals!r})",
-            **shading.choices(scene, self.model, self.joint),
             **joining(self.passes),
             **self.probes,
         }

@@ -1,4 +1,4 @@
-"""The choices of modules that shade a scene, and the features of its lights, materials and sky."""
+"""What the shading of a scene calls for, and the features of its lights, materials and sky."""
 
 from __future__ import annotations
 
@@ -102,27 +102,6 @@ def dims_ambient_light(scene: Scene) -> bool:
 def ambient(scene: Scene, model: str) -> bool:
     """True if the scene has ambient light: from the sky, or from lights on Phong materials."""
     return ambient_sky(scene) or (bool(scene.lights) and model != "physical")
-
-
-def choices(scene: Scene, model: str, joint: bool) -> dict[str, str]:
-    """The modules chosen to shade surfaces, each with its reason.
-
-    model : "phong", "physical" or "mixed". joint : True if one function finds both gradient and material.
-    """
-    found: dict[str, str] = {}
-    if mapped(scene):
-        kind, why = "_mapped", "a material has a texture or relief"
-    elif patterned(scene):
-        kind, why = "_patterned", "a material is a function of the point"
-    else:
-        kind, why = "", "no material depends on the point"
-    found[f"light/surface{kind}"] = why
-    if joint:
-        found[f"light/interaction_part{kind}"] = "one function finds normal and material"
-    else:
-        found[f"light/interaction{kind}"] = "the normal is found before the material"
-    found["light/geometric_normal" + "_mapped" * has_relief(scene)] = "rays are offset along the geometric normal"
-    return found
 
 
 def features(scene: Scene, as_data: bool, prices: Prices) -> list[Feature]:

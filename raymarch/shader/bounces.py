@@ -22,7 +22,7 @@ from raymarch.shader.bsdf import Reflection
 from raymarch.shader.chunk import Lines, Values
 from raymarch.shader.fog import begin_shade, end_shade
 from raymarch.shader.kinds import set_kind
-from raymarch.shader.surface import geometric_normal_of, material_arguments, surface_interaction_call, visible_side
+from raymarch.shader.surface import geometric_normal_of, material_arguments, visible_side
 
 DIFFUSE_ROUGHNESS = 0.4
 """Smallest roughness for highlights of lights after a diffuse reflection."""
@@ -63,7 +63,6 @@ def path_tracing(text: Lines, plan: Plan, values: Values, reflection: Reflection
         entry=reflection.entry() if reflection.scattered is not None else "",
         bounces=scene.bounces,
         sky=scene.sky.lighting_function(None).name,
-        surface=surface_interaction_call(plan, "ray", "travelled"),
         visible="\n".join(visible_side(plan, "ray", "        ")),
         material=material_arguments(plan),
         regularized="\n".join(rough),
@@ -90,7 +89,7 @@ def tree(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> Non
     mirrors = not glass or any(m.mirrors for m in scene.materials)
     if glass:
         values.functions.append(fresnel_dielectric)
-    bounce, ray, travelled = ("at.bounce", "at.ray", "at.travelled") if glass else ("bounce", "ray", "travelled")
+    bounce, ray = ("at.bounce", "at.ray") if glass else ("bounce", "ray")
     none = constant(const(np.zeros(reflection.per_lobe.shape)))
     rough = [f"lit.material.{name}" for name in plan.bsdf.rough if scene.lights and plan.model != "phong"]
     widened = [f"        if ({bounce} > 0) {name} = max({name}, {2.0 * SMOOTH});" for name in rough]
@@ -111,7 +110,6 @@ def tree(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> Non
         turns=2 ** (scene.bounces + 1) - 1 if stack else (scene.bounces + 1) * 2**scene.bounces,
         traced_now="i > 0" if stack else "at.bounce >= known",
         fresh="" if stack else "!again && ",
-        surface=surface_interaction_call(plan, ray, travelled),
         visible="\n".join(visible_side(plan, ray, "        ")),
         material=material_arguments(plan),
         lobes=reflection.per_lobe,

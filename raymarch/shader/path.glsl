@@ -10,7 +10,7 @@
 #endif
     for (int bounce = 0; bounce <= $bounces; bounce++) {
         travelled += hit.t;
-        Surface surface = $surface;
+        Surface surface = surface_interaction(ray, hit, travelled);
         surface.t = travelled;
 #ifdef GLASS
         if (side < 0.0) weight *= exp(-absorption * distance(before, surface.p));
@@ -96,7 +96,7 @@ $regularized
                 int numbers = 65536 + 2048 * bounce;
                 if (!walk_below(walk, surface.p, $solid, travelled, numbers, ray, hit)) break;
                 weight = walk.weight;
-                surface = $surface;
+                surface = surface_interaction(ray, hit, travelled);
                 surface.t = travelled;
                 surface.material.exits = 1.0;
 #ifdef GLASS

@@ -15,7 +15,7 @@ from raymarch.shader.chunk import Chunk, Lines, Mapped, Values
 from raymarch.shader.fog import begin_shade, end_shade, sky_functions
 from raymarch.shader.kinds import as_occlusion
 from raymarch.shader.lights import all_lights, all_shadows
-from raymarch.shader.surface import material_arguments, surface_interaction_call, visible_side
+from raymarch.shader.surface import material_arguments, visible_side
 
 
 def shading(plan: Plan, values: Values) -> Chunk:
@@ -39,7 +39,7 @@ def shading(plan: Plan, values: Values) -> Chunk:
     begin_shade(text, plan, values)
     needs_surface = plan.material is not None
     if needs_surface:
-        text.add(f"    Surface surface = {surface_interaction_call(plan, 'ray', 'hit.t')};", *visible_side(plan, "ray"))
+        text.add("    Surface surface = surface_interaction(ray, hit, hit.t);", *visible_side(plan, "ray"))
     if plan.emission is not None:
         place = material_arguments(plan) if needs_surface and patterned(scene) else "ray.origin + hit.t * ray.direction"
         text.add(f"    vec3 color = emission_at({place});")
@@ -108,7 +108,7 @@ def _keep_surface(text: Lines, plan: Plan) -> list[str]:
     text.add(f"void keep_surface(Ray ray, Hit hit, out vec4 kept[{count}]) {{")
     text.add(f"    kept[0] = vec4(0.0, 0.0, 0.0, {MISS});", *(f"    kept[{k}] = vec4(0.0);" for k in range(1, count)))
     text.add("    if (!hit.found) return;")
-    text.add(f"    Surface surface = {surface_interaction_call(plan, 'ray', 'hit.t')};", *visible_side(plan, "ray"))
+    text.add("    Surface surface = surface_interaction(ray, hit, hit.t);", *visible_side(plan, "ray"))
     if plan.emission is not None:
         text.add(f"    vec3 emitted = emission_at({material_arguments(plan)});")
     text.add(*(f"    kept[{k}].{parts} = {name};" for name, _, k, parts in stored), "}", "")

@@ -17,17 +17,6 @@ def material_arguments(plan: Plan) -> str:
     return point + (", surface.geometric_normal, surface.dpdx, surface.dpdy" if with_footprint(plan) else "")
 
 
-def surface_interaction_call(plan: Plan, ray: str, travelled: str) -> str:
-    """The call that makes the surface interaction of a hit.
-
-    travelled : GLSL expression for the length of the path up to the hit.
-    """
-    if not patterned(plan.scene):
-        return f"surface_interaction({ray}, hit)"
-    name = "surface_interaction_mapped" if with_footprint(plan) else "surface_interaction_patterned"
-    return f"{name}({ray}, hit, {travelled})"
-
-
 def visible_side(plan: Plan, ray: str, indent: str = "    ") -> list[str]:
     """The line that turns the normal of a hit to the ray; none with relief, whose normals may face away."""
     line = f"{indent}surface.normal = visible_side(surface.normal, {ray}.direction);"

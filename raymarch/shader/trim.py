@@ -28,6 +28,9 @@ _AFTER_NAMES = frozenset(("=", ";", "[", ","))
 _OPEN, _CLOSE = frozenset("([{"), frozenset(")]}")
 _BRACKETS = _OPEN | _CLOSE
 
+FEW = 4
+"""Most uses of a variable that is looked at."""
+
 Span = tuple[int, int]
 """The first word of some, and the one after the last."""
 
@@ -371,8 +374,8 @@ class _Words:
 
     def _unused(self, function: _Defined) -> set[int]:
         """The parameters that a function does not name, by their places."""
-        uses, given = self._of_body(function).uses, enumerate(function.given)
-        return {i for i, (qualifier, name, _) in given if qualifier not in ("out", "inout") and name not in uses}
+        uses = self._of_body(function).uses
+        return {i for i, (_, name, _) in enumerate(function.given) if name not in uses}
 
     def _of_body(self, function: _Defined) -> _Body:
         found = self._known.get(function.body)
@@ -388,23 +391,27 @@ class _Words:
         """The statements that declare and set variables that are not read."""
         words = self.words
         for name, value, span in self.globals:
-            if name not in self.roots and self._uses[name] == 1 and self._is_pure(value):
-                yield span
+            if name not in self.roots and self._uses[name] <= FEW and self._is_pure(value):
+                yield from self._unread_variable(name, -1, self._uses[name], (), span)
         for function in self.functions:
             first, body = function.body[0], self._of_body(function)
             places = [first + i for i in body.declared]
             declared = [i for i in places if words[i + 1] in ("=", ";") and words[i - 2] in _BEGINS]
             for name in {words[i] for i in declared} - body.read:
-                if body.uses[name] > 4:
-                    continue  # names of few uses are looked at
-                yield from self._unread_variable(name, function, declared)
+                if body.uses[name] <= FEW:
+                    yield from self._unread_variable(name, first, body.uses[name], declared)
 
-    def _unread_variable(self, name: str, function: _Defined, declared: Sequence[int]) -> list[Span]:
+    def _unread_variable(
+        self, name: str, i: int, uses: int, declared: Sequence[int], declaration: Span = (0, 0)
+    ) -> list[Span]:
+        """What declares and sets a variable that is not read; nothing of one that is. i : after which it is used."""
         found: list[Span] = []
-        i = function.body[0]
-        for _ in range(self._of_body(function).uses[name]):
+        for _ in range(uses):
             i = self.words.index(name, i + 1)
             if self.words[i - 1] == ".":
+                continue
+            if declaration[0] <= i < declaration[1]:
+                found.append(declaration)
                 continue
             end = i
             while self.words[end] != ";":

@@ -39,7 +39,7 @@ $reflects
         if (!ends) {
             at.travelled += hit.t;
             if (at.side < 0.0) at.weight *= exp(-hit.t * at.absorption);
-            Surface surface = $surface;
+            Surface surface = surface_interaction(at.ray, hit, at.travelled);
             surface.t = at.travelled;
             surface.normal *= at.side;
 $visible
@@ -129,7 +129,7 @@ $regularized
     float travelled = 0.0;
     for (int bounce = 0; bounce <= $bounces; bounce++) {
         travelled += hit.t;
-        Surface surface = $surface;
+        Surface surface = surface_interaction(ray, hit, travelled);
         surface.t = travelled;
 $visible
         $lobes traced = $traced;

@@ -133,7 +133,6 @@ def text_of(
     settle: str = "refine",
     after: str = AFTER,
     scale: float = 1.0,
-    trace: tuple[str, ...] = ("trace",),
     variants: frozenset[str] = frozenset(),
 ) -> str:
     """The functions of a tracer, on the field of a profile. variants : as of `raymarch.glsl.load`."""
@@ -159,7 +158,7 @@ def text_of(
         "on_exhausted",
     )
     steps = ("march/free",) if tracer == "free" else TRACERS[tracer]
-    whole = (*(f"march/{name}" for name in names), *steps, *(f"march/{name}" for name in trace))
+    whole = (*(f"march/{name}" for name in names), *steps, "march/begin", "march/trace")
     edges = "const float cone_share = 0.25;\nfloat edge_width = 0.0;\n"
     known = (FREE if ahead else "") + (edges if "EDGES" in variants else "")
     return modules(*whole, before=FIELD + known + constants, after=after, variants=variants)

@@ -19,9 +19,9 @@ struct Ray { vec3 origin; vec3 direction; };
 struct Hit { float t; };
 struct Material { vec3 color; };
 const float u_side = 1.0;
-const float u_pixel = 0.125;
 const float footprint_pixels = 2.0;
 vec3 solid, bump_gradient;
+float pixel_at(float t) { return 0.125 * t; }
 vec3 inner_point(vec3 p, vec3 normal, Hit hit, float travelled) { return p; }
 vec3 surface_normal(vec3 p, vec3 direction) { return solid; }
 Material material_at(vec3 p, vec3 n, vec3 dpdx, vec3 dpdy) { return Material(vec3(1.0)); }
@@ -31,7 +31,7 @@ AFTER = """
 Surface seen(vec3 n, vec3 view, vec3 off) {
     solid = n;
     bump_gradient = off;
-    return surface_interaction_mapped(Ray(vec3(0.0), -view), Hit(0.0), 2.0);
+    return surface_interaction(Ray(vec3(0.0), -view), Hit(0.0), 2.0);
 }
 """
 WIDTH = 0.125 * 2.0 * 2.0
@@ -42,8 +42,8 @@ SLANTED = np.array([[0.36, 0.48, 0.8], [0.6, 0.0, -0.8], [0.0, 0.96, 0.28], [0.0
 def seen(egl: Context, part: str, normals: object, views: object, gradients: object) -> NDArray[np.float32]:
     """A vector of the surface, for each normal, direction to the eye and bump gradient of the map."""
     made = "\n".join(line.text for line in print_functions([footprint_axis, shading_normal]).lines())
-    names = ("light/visible_side", "light/bent_normal", "light/surface_mapped", "light/interaction_mapped")
-    text = modules(*names, before=f"{BEFORE}{made}", variants=frozenset({"RELIEF"}))
+    names = ("light/visible_side", "light/bent_normal", "light/surface", "light/interaction")
+    text = modules(*names, before=f"{BEFORE}{made}", variants=frozenset({"MAPPED", "RELIEF"}))
     return run(
         egl, text + AFTER, f"seen({{0}}, {{1}}, {{2}}).{part}", [(VEC3, v) for v in (normals, views, gradients)], 3
     )
@@ -90,5 +90,7 @@ def test_the_normal_of_the_solid_is_on_the_side_of_the_bent_one(egl: Context) ->
     before = "struct Surface { vec3 normal; vec3 geometric_normal; };"
     bent = np.array([[0.6, 0.0, 0.8], [0.6, 0.0, -0.8]])
     call = "geometric_normal(Surface({0}, vec3(0.0, 0.0, 1.0)))"
-    found = run(egl, modules("light/geometric_normal_mapped", before=before), call, [(VEC3, bent)], 3)
+    found = run(
+        egl, modules("light/geometric_normal", before=before, variants=frozenset({"RELIEF"})), call, [(VEC3, bent)], 3
+    )
     np.testing.assert_array_equal(found, [[0, 0, 1], [0, 0, -1]])

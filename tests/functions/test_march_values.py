@@ -119,11 +119,17 @@ def test_a_gradient_at_the_camera_is_no_steeper_than_a_field(egl: Context) -> No
     np.testing.assert_allclose(found, -0.7 + 0.3 * np.clip(1.5 * ways[:, 2], -1, 1), rtol=1e-5)
 
 
+PIXEL_AT = {
+    camera: f"uniform float u_pixel;\nfloat pixel_at(float t) {{ return u_pixel{factor}; }}\n"
+    for camera, factor in (("perspective", " * t"), ("ORTHOGRAPHIC", ""))
+}
+
+
 @pytest.mark.parametrize("camera", ["perspective", "ORTHOGRAPHIC"])
 @pytest.mark.parametrize("share", [1.0, 0.0625, 0.01])
 def test_a_ray_out_of_steps_shows_what_is_within_a_pixel(egl: Context, camera: str, share: float) -> None:
     """And what is in closed form behind it, if it is farther away or rises. A flat field is closer than it says."""
-    before = f"{RAY}uniform float u_pixel;\nconst float contact_share = {share};\nfloat solved_t;\n"
+    before = f"{RAY}{PIXEL_AT[camera]}const float contact_share = {share};\nfloat solved_t;\n"
     after = """
     bool shown(vec4 a) {
         Hit hit = Hit(false, false, a.x, a.y, 0.0, 0.0, 0.0);

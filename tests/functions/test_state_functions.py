@@ -133,13 +133,13 @@ def test_a_ray_begins_where_its_cones_end_if_that_is_in_its_range(egl: Context) 
         there = a.y;
         marched = a.zw;
         March at;
-        float far;
-        vec2 spent;
-        bool open = begins(Ray(vec3(0.0), vec3(0.0, 0.0, 1.0)), at, far, spent);
-        return vec4(open, at.t, far, spent.x);
+        vec2 range;
+        Hit hit = no_hit(0.0);
+        bool open = begins(Ray(vec3(0.0), vec3(0.0, 0.0, 1.0)), hit, at, range);
+        return vec4(open, at.t, range.y, hit.iterations);
     }"""
     text = modules("march/hit", "march/start_published", before=RAY) + modules(
-        "march/begin_on", before=BEGINS, after=after
+        "march/begin", before=BEGINS, after=after, variants=frozenset({"CONES"})
     )
     given = np.array(list(itertools.product((0, 1), (1.0, 4.0, 9.0, 30.0), (0.0, 5.0), (3.0, 10.0))))
     for share in (1.0, 0.0):

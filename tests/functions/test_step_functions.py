@@ -87,11 +87,12 @@ def test_a_slope_that_no_distance_has_is_not_believed(egl: Context, tracer: str)
 def test_a_step_of_an_estimate_is_at_most_a_pixel_longer(egl: Context, variants: set[str], pixel: float) -> None:
     """Spheres of an estimate prove nothing, so a longer step must not pass what is larger than a pixel."""
     slope, r = (a.ravel() for a in np.meshgrid([-1, -0.5, 0, 0.5, 0.999], [1e-4, 0.1, 3.0]))
-    before = "const float smoothing = 0.3;\nuniform float u_pixel;"
+    factor = "" if "ORTHOGRAPHIC" in variants else " * t"
+    before = f"const float smoothing = 0.3;\nfloat pixel_at(float t) {{ return 0.01{factor}; }}"
     names = ("march/hit", "march/bracketing")
     text = modules(*names, before=before, variants=frozenset(variants))
     call = "step_length(March(5.0, {0}, 0.0, 0.0, {1}, {1}, false, false), 20.0)"
-    found = run(egl, text, call, [(FLOAT, r), (FLOAT, slope)], uniforms={"u_pixel": 0.01})
+    found = run(egl, text, call, [(FLOAT, r), (FLOAT, slope)])
     free = np.minimum(2 * r / (1 - slope), 15 + r)
     assert np.allclose(found, np.minimum(free, r + pixel), rtol=1e-5)
     assert np.any(free > r + pixel) and np.any(free < r + pixel)

@@ -188,9 +188,8 @@ def test_a_march_in_pieces_is_the_whole_march(egl: Context, tracer: str, steps: 
         np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name), name)
 
 
-@pytest.mark.parametrize("trace", [("trace",), ("begin", "trace_on")])
-def test_an_empty_range_is_not_looked_at(egl: Context, trace: tuple[str, ...]) -> None:
-    of, text = everything()[:MANY], text_of("plain", after=TRACED, trace=trace)
+def test_an_empty_range_is_not_looked_at(egl: Context) -> None:
+    of, text = everything()[:MANY], text_of("plain", after=TRACED)
     got = march(egl, text, of, begin=3.0, far=2.0)
     assert np.all(got.asked == 0) and np.all(got.evaluations == 0) and np.all(got.done & ~got.found)
     other = march(egl, text, of, far=FAR)

@@ -61,6 +61,8 @@ vec2 surface_faults(vec3 p) { return vec2(u_broken ? 35.0 : 0.0, p.z); }
 @pytest.mark.parametrize("name", ["color", "accumulate", "sample", "lipschitz", "nonfinite", "cycles"])
 def test_a_pixel_has_the_colour_of_what_it_meets_or_of_the_sky(egl: Context, name: str) -> None:
     others, count, at, start, extra = ("temporal/finite",), 1, 0, "", ""
+    if name in ("color", "cycles"):
+        others = (*others, "view/pixel_color")
     if name == "cycles":
         needs_extension(egl, CLOCK)
         start = f"#extension {CLOCK} : require\n"
@@ -80,7 +82,9 @@ def test_a_pixel_has_the_colour_of_what_it_meets_or_of_the_sky(egl: Context, nam
 def test_cycles_are_counted_for_each_pixel(egl: Context) -> None:
     """The second reading is not before the colour is known."""
     needs_extension(egl, CLOCK)
-    assert np.all(passed(egl, "view/cycles", start=f"#extension {CLOCK} : require\n")[0][..., 0] > 0)
+    assert np.all(
+        passed(egl, "view/cycles", "view/pixel_color", start=f"#extension {CLOCK} : require\n")[0][..., 0] > 0
+    )
 
 
 def test_samples_are_averaged(egl: Context) -> None:
@@ -289,7 +293,7 @@ def test_a_picture_is_black_where_no_light_is_finite_and_never_below_or_above_it
     """Its tone curve gets nothing negative, and nothing that is infinite."""
     before = f"""
         struct Ray {{ vec3 origin; vec3 direction; }};
-        struct Hit {{ bool found; }};
+        struct Hit {{ bool done; }};
         const int picture_samples = {samples};
         vec3 light;
         void begin_sample(int i) {{}}
@@ -302,7 +306,7 @@ def test_a_picture_is_black_where_no_light_is_finite_and_never_below_or_above_it
     """
     after = "vec3 shown(vec3 x) { light = x; return picture(vec2(0.0)); }"
     variants = frozenset({"SAMPLES"} if samples else ())
-    text = modules("temporal/finite", "view/picture", before=before, after=after, variants=variants)
+    text = modules("temporal/finite", "view/pixel_color", "view/picture", before=before, after=after, variants=variants)
     light = np.array(
         [(1 / 3, 3.0, 0.0), (-2.0, -1.0, -0.5), (np.inf, 1.0, 1.0), (1.0, np.nan, 1.0), (0.0, -np.inf, 0.0)]
     )

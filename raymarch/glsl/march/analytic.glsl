@@ -8,11 +8,7 @@ vec2 range_of(Ray ray) {
 #ifdef OWN_START
     if (range.x > range.y) return range;
     vec3 widths = hit_widths(ray);
-#ifdef ORTHOGRAPHIC
-    float width = widths.x * range.x + hit_width(widths);
-#else
-    float width = widths.x + hit_width(widths) * range.x;
-#endif
+    float width = width_at(widths, hit_width(widths), range.x);
     // a ray may start on a surface, see march/enter
     u_side = ray_field(ray.origin + range.x * ray.direction, true) < -width ? -1.0 : 1.0;
 #endif

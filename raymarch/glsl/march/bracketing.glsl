@@ -11,11 +11,7 @@ float step_length(March at, float far) {
     if (at.kept_t > 0.0 && z >= low) z = 0.5 * (at.r + low);  // into the gap
 #ifdef ESTIMATE
     // Two spheres of an estimate that overlap prove nothing: what a longer step may miss is smaller than a pixel.
-#ifdef ORTHOGRAPHIC
-    z = min(z, at.r + u_pixel);
-#else
-    z = min(z, at.r + u_pixel * at.t);
-#endif
+    z = min(z, at.r + pixel_at(at.t));
 #endif
     return max(at.r, z);
 }
@@ -25,11 +21,7 @@ float step_length(March at, float far) {
 float free_step(March at) {
     float z = at.r / (0.5 * (1.0 - at.derivative));
 #ifdef ESTIMATE
-#ifdef ORTHOGRAPHIC
-    z = max(at.r, min(z, at.r + u_pixel));
-#else
-    z = max(at.r, min(z, at.r + u_pixel * at.t));
-#endif
+    z = max(at.r, min(z, at.r + pixel_at(at.t)));
 #endif
     return z;
 }

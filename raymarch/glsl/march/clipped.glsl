@@ -1,4 +1,4 @@
-// Rays are marched only inside the scene's box, because nothing lies outside.
+// Rays are marched only inside the scene's box: nothing lies outside.
 uniform float u_far;
 
 #ifdef ANALYTIC
@@ -6,20 +6,15 @@ vec2 scene_range(Ray ray) {
 #else
 vec2 range_of(Ray ray) {
 #endif
+#ifdef CLIP_PLANES
+    vec2 range = between_planes(ray, u_far);
 #ifdef EDGES
-#ifdef ORTHOGRAPHIC
-    float far = u_far + 4.0 * u_pixel;
-#else
-    float far = u_far * (1.0 + 4.0 * u_pixel);
+    range.y += 4.0 * pixel_at(range.y);
 #endif
-#ifdef CLIP_PLANES
-    return scene_box(ray, between_planes(ray, far));
+    return scene_box(ray, range);
 #else
-    return scene_box(ray, vec2(0.0, far));
-#endif
-#else
-#ifdef CLIP_PLANES
-    return scene_box(ray, between_planes(ray, u_far));
+#ifdef EDGES
+    return scene_box(ray, vec2(0.0, u_far + 4.0 * pixel_at(u_far)));
 #else
     return scene_box(ray, vec2(0.0, u_far));
 #endif

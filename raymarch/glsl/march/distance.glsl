@@ -8,11 +8,6 @@
 // at t its points lie within u_cone t of the axis. (f - u_cone t) / (1 + u_cone) is safe for all of them, and
 // 1-Lipschitz in t. After Bálint and Valasek 2018, whose angle holds only for a field of view of 90 degrees.
 #endif
-uniform float u_cone;
-#ifdef WIDE_CONE
-uniform float u_cone_start;
-#endif
-
 #endif
 float march_distance(Ray ray, float t) {
 #ifdef ANALYTIC

@@ -16,23 +16,15 @@ struct Chord {
     bool inside;
     bool deep;  // the solid covers the whole pixel
 };
-#ifndef UNCOUNTED
 
 float edge_evaluations = 0.0;
-#endif
 
 float edge_reach(float t) {
-#ifdef ORTHOGRAPHIC
-    return EDGE_REACH * u_pixel;
-#else
-    return EDGE_REACH * u_pixel * t;
-#endif
+    return EDGE_REACH * pixel_at(t);
 }
 
 float edge_distance(Ray ray, float t) {
-#ifndef UNCOUNTED
     edge_evaluations += 1.0;
-#endif
     vec3 p = ray.origin + t * ray.direction;
 #ifdef ANALYTIC
     return u_side * ray_field(p, u_side < 0.0);
@@ -330,7 +322,6 @@ March first_of(Ray ray, vec2 range) {
 #endif
     return at;
 }
-#ifndef UNCOUNTED
 
 // The evaluations of the field of all surfaces of a pixel.
 float evaluations_with_edges(vec2 pixel) {
@@ -348,4 +339,3 @@ float evaluations_with_edges(vec2 pixel) {
     }
     return count + edge_evaluations;
 }
-#endif

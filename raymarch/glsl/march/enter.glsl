@@ -5,11 +5,7 @@ void enter(Ray ray, inout March at) {
     at.r = 0.0;  // `range_of` has found the sign
 #else
     vec3 widths = hit_widths(ray);
-#ifdef ORTHOGRAPHIC
-    float width = widths.x * at.t + hit_width(widths);
-#else
-    float width = widths.x + hit_width(widths) * at.t;
-#endif
+    float width = width_at(widths, hit_width(widths), at.t);
     float r = field(ray.origin + at.t * ray.direction);
     u_side = r < -width ? -1.0 : 1.0;
     at.r = abs(r);

@@ -1,11 +1,7 @@
 // Whether the expected tangent point is within a pixel of the surface, so that the ray can be followed from here.
 bool is_expected(March at) {
     float m = at.last_derivative;
-#ifdef ORTHOGRAPHIC
-    float near = u_pixel;
-#else
-    float near = u_pixel * at.t;
-#endif
+    float near = pixel_at(at.t);
 #ifdef ADVANCE
     return false;  // the way that is free does not fall as the field does
 #endif

@@ -20,26 +20,18 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #endif
     bool found = false;
     bool escaped = false;
-#ifndef UNCOUNTED
     float steps = 0.0;
-#endif
     for (int i = 0; i < march_steps; i++) {
         float t = at.t + at.r;
         escaped = t > far;
         if (escaped) break;
-#ifndef UNCOUNTED
         steps += 1.0;
-#endif
         at.t = t;
         at.r = march_distance(ray, t);
 #ifdef NOTED
         note_sample(t, at.r, at.r < 0.0 ? at.r : way_behind, SEARCHES);
 #endif
-#ifdef ORTHOGRAPHIC
-        found = at.r <= widths.x * t + widths.z;
-#else
-        found = at.r <= widths.x + widths.z * t;
-#endif
+        found = at.r <= width_at(widths, widths.z, t);
         if (found) break;
     }
     at.derivative = UNDONE;
@@ -47,20 +39,14 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
     hit.found = found;
     hit.residual = abs(at.r);
     hit.t = at.t;
-#ifdef ORTHOGRAPHIC
-    if (found) hit.t += max(at.r, 0.0) + way_below_level(ray, at.t, widths.x * at.t + widths.y);
-#else
-    if (found) hit.t += max(at.r, 0.0) + way_below_level(ray, at.t, widths.x + widths.y * at.t);
-#endif
+    if (found) hit.t += max(at.r, 0.0) + way_below_level(ray, at.t, width_at(widths, widths.y, at.t));
 #ifdef CLIP_PLANES
     if (found && hit.t > between_planes(ray, u_far).y) hit.found = false;
 #endif
 #ifdef ANALYTIC
     if (found && hit.t > solved_t) hit.found = false;
 #endif
-#ifndef UNCOUNTED
     hit.iterations += steps;
     hit.evaluations += steps;
-#endif
     if (!hit.done) on_exhausted(hit, at.derivative);
 }

@@ -21,17 +21,11 @@ struct Hit {
     bool found;
     float t;
     float residual;
-#ifndef UNCOUNTED
     float iterations;
     float evaluations;
     float fallbacks;  // steps that proved too long and were undone
-#endif
 };
 
 Hit no_hit(float near) {
-#ifndef UNCOUNTED
     return Hit(true, false, near, 0.0, 0.0, 0.0, 0.0);
-#else
-    return Hit(true, false, near, 0.0);
-#endif
 }

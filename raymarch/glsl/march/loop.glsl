@@ -254,9 +254,7 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #ifdef NOTED
     note_sample(at.t, at.r, at.r, STARTS);
 #endif
-#ifndef UNCOUNTED
     float steps = 0.0;
-#endif
 #ifdef SKIPS
     Way way = next_way(ray, widths, 1.0e30, at, far);
     if (way.end == 0.0) {
@@ -292,9 +290,7 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
 #else
         float behind = abs(next);
 #endif
-#ifndef UNCOUNTED
         steps += 1.0;
-#endif
         float derivative = (next - at.r) / z;
 #ifdef SKIPS
 #ifdef CUTS
@@ -340,9 +336,7 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
                 break;
             }
         }
-#ifndef UNCOUNTED
         hit.fallbacks += float(!empty);
-#endif
 #ifdef SKIPS
         mode = mode_of(at);
         way = next_way(ray, widths, width, at, far);
@@ -368,16 +362,10 @@ void march(Ray ray, inout March at, inout Hit hit, float far) {
     hit.found = found;
     hit.t = found ? at.t + last_step(widths, at) : at.t;
 #ifdef ADVANCE
-#ifdef ORTHOGRAPHIC
-    if (found) hit.t += way_below_level(ray, at.t, widths.x * at.t + widths.y);
-#else
-    if (found) hit.t += way_below_level(ray, at.t, widths.x + widths.y * at.t);
-#endif
+    if (found) hit.t += way_below_level(ray, at.t, width_at(widths, widths.y, at.t));
 #endif
     hit.residual = abs(at.r);
-#ifndef UNCOUNTED
     hit.iterations += steps;
     hit.evaluations += steps;
-#endif
     if (!hit.done) on_exhausted(hit, at.last_derivative);
 }

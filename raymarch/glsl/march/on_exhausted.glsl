@@ -7,13 +7,8 @@
 #endif
 void on_exhausted(inout Hit hit, float derivative) {
 #ifdef ANALYTIC
-    float pixel = min(16.0 * contact_share, 1.0) * u_pixel;
-#ifdef ORTHOGRAPHIC
-    bool near = hit.residual < pixel && derivative <= 0.0;
-#else
-    bool near = hit.residual < pixel * hit.t && derivative <= 0.0;
-#endif
-    hit.found = near || solved_t >= 1.0e30;
+    hit.found = solved_t >= 1.0e30
+        || derivative <= 0.0 && hit.residual < min(16.0 * contact_share, 1.0) * pixel_at(hit.t);
 #else
     hit.found = true;
 #endif

@@ -6,11 +6,7 @@ float hit_width(vec3 widths) {
 }
 
 float longest_last_step(vec3 widths, float t) {
-#ifdef ORTHOGRAPHIC
-    return 0.375 * (widths.x * t + widths.y);
-#else
-    return 0.375 * (widths.x + widths.y * t);
-#endif
+    return 0.375 * width_at(widths, widths.y, t);
 }
 
 bool refined(vec3 widths, float t, float r, float derivative) {

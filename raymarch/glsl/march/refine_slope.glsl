@@ -5,11 +5,7 @@ float hit_width(vec3 widths) {
 }
 
 bool refined(vec3 widths, float t, float r, float derivative) {
-#ifdef ORTHOGRAPHIC
-    return abs(r) <= widths.x * t + hit_width(widths);
-#else
-    return abs(r) <= widths.x + hit_width(widths) * t;
-#endif
+    return abs(r) <= width_at(widths, hit_width(widths), t);
 }
 
 float last_step(vec3 widths, March at) {

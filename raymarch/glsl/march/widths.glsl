@@ -7,6 +7,16 @@ uniform float u_pixel;  // width of a pixel, at all distances
 #else
 uniform float u_pixel;  // width of a pixel at distance 1
 #endif
+
+// The width of a pixel at t along a ray.
+float pixel_at(float t) {
+#ifdef ORTHOGRAPHIC
+    return u_pixel;
+#else
+    return u_pixel * t;
+#endif
+}
+
 const float GROWTH = 1.1920929e-7;  // growth of the coordinates' ulp per unit of length along a ray
 #ifdef BOUNCES
 

@@ -62,9 +62,7 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
         float r = side * u_side * field(p);
 #endif
 #endif
-#ifndef UNCOUNTED
         hit.evaluations += 1.0;
-#endif
 #ifdef CUTS
 #ifdef ADVANCE
         noise = noise_of(ray, t);

@@ -21,6 +21,6 @@ void main() {
         out_color = before.a > 0.0 ? before : color;
         return;
     }
-    float count = before.a + color.a;
-    out_color = vec4(mix(before.rgb, color.rgb, color.a / count), count);
+    before.a += 1.0;
+    out_color = vec4(mix(before.rgb, color.rgb, 1.0 / before.a), before.a);
 }

@@ -3,14 +3,7 @@ layout(location = 0) out vec4 out_cycles;  // cycles, and the colour, so that it
 
 void main() {
     uvec2 before = clock2x32ARB();
-#ifdef EDGES
-    bool done;
-    vec3 color = smoothed(PIXEL, done);
-#else
-    Ray ray = camera_ray(PIXEL);
-    Hit hit = trace(ray);
-    vec3 color = shade(ray, hit);
-#endif
+    vec3 color = pixel_color(PIXEL).rgb;
     uvec2 after = before;
     // always true, and forces the clock to be read after the colour is known
     if (color.x > -1.0e30) after = clock2x32ARB();

@@ -12,23 +12,20 @@ void main() {
     Ray ray = camera_ray(PIXEL);
     March at;
     Hit hit;
-    float far;
+    vec2 range;
     bool under_way;
     if (u_begin) {
-        vec2 spent;
-        under_way = begins(ray, at, far, spent);
         hit = no_hit(0.0);
-        hit.iterations = spent.x;
-        hit.evaluations = spent.y;
+        under_way = begins(ray, hit, at, range);
     } else {
         vec4 before = texelFetch(u_march, pixel, 0);
         at = unpack_march(before, texelFetch(u_more, pixel, 0));
         hit = unpack_hit(before, texelFetch(u_found, pixel, 0));
-        far = range_of(ray).y;
+        range = range_of(ray);
         under_way = flag(before, 32.0);
     }
     if (under_way) {
-        march(ray, at, hit, far);
+        march(ray, at, hit, range.y);
         under_way = !hit.done && !u_end;
     }
 #ifdef ANALYTIC

@@ -4,21 +4,12 @@ vec3 picture(vec2 pixel) {
     vec4 sum = vec4(0.0);
     for (int i = 0; i < picture_samples; i++) {
         begin_sample(i);
-        Ray ray = camera_ray(pixel + sample_offset(i));
-        Hit hit = trace(ray);
-        vec4 color = vec4(shade(ray, hit), 1.0);
+        vec4 color = vec4(pixel_color(pixel + sample_offset(i)).rgb, 1.0);
         if (finite(color)) sum += color;
     }
     vec3 color = sum.rgb / max(sum.a, 1.0);
 #else
-#ifdef EDGES
-    bool done;
-    vec3 color = smoothed(pixel, done);
-#else
-    Ray ray = camera_ray(pixel);
-    Hit hit = trace(ray);
-    vec3 color = shade(ray, hit);
-#endif
+    vec3 color = pixel_color(pixel).rgb;
     if (!finite(vec4(color, 1.0))) color = vec3(0.0);
 #endif
     vec3 c = clamp(toned(clamp(color, 0.0, 1.0e30)), 0.0, 1.0);

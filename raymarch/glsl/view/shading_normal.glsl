@@ -10,11 +10,7 @@ void main() {
         vec3 n = surface_normal(p, ray.direction);
 #ifdef RELIEF
         vec3 v = -ray.direction;
-#ifdef ORTHOGRAPHIC
-        float width = footprint_pixels * u_pixel;
-#else
-        float width = footprint_pixels * u_pixel * hit.t;
-#endif
+        float width = footprint_pixels * pixel_at(hit.t);
         vec3 dpdx = footprint_axis(n, v, width);
         vec3 dpdy = cross(n, dpdx) / max(abs(dot(n, v)), 1.0e-4);
         vec3 slope = relief_at(inner_point(p, n, hit, hit.t), n, dpdx, dpdy).bump_gradient;

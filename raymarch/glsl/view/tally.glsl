@@ -2,12 +2,6 @@
 layout(location = 0) out vec4 out_tally;  // of all kinds, by shadow rays, samples of ambient occlusion, bounces
 
 void main() {
-#ifdef EDGES
-    bool done;
-    smoothed(PIXEL, done);
-#else
-    Ray ray = camera_ray(PIXEL);
-    shade(ray, trace(ray));
-#endif
+    pixel_color(PIXEL);
     out_tally = vec4(dot(evaluations_of_kinds, vec4(1.0)), evaluations_of_kinds.yzw);
 }

@@ -1,11 +1,15 @@
-// The colour of a pixel whose edges are smoothed by distance: its surfaces from front to back, see march/edges.
-vec3 smoothed(vec2 pixel, out bool done) {
+// The linear colour of a pixel. Alpha is 0 where its ray ran out of steps, else 1.
+#ifdef EDGES
+// Edges are smoothed by distance: the surfaces of the pixel from front to back, see march/edges.
+#endif
+vec4 pixel_color(vec2 pixel) {
     Ray ray = camera_ray(pixel);
+#ifdef EDGES
     vec2 range = range_of(ray);
     March at = first_of(ray, range);
     vec3 color = vec3(0.0);
     float rest = 1.0;
-    done = true;
+    bool done = true;
     for (int i = 0; i <= MOST_EDGES; i++) {
         Ray seen;
         Hit hit;
@@ -17,5 +21,9 @@ vec3 smoothed(vec2 pixel, out bool done) {
         }
         if (rest < LEAST_SHARE) break;
     }
-    return color / (1.0 - rest);
+    return vec4(color / (1.0 - rest), done ? 1.0 : 0.0);
+#else
+    Hit hit = trace(ray);
+    return vec4(shade(ray, hit), hit.done ? 1.0 : 0.0);
+#endif
 }
