@@ -143,9 +143,7 @@ Hit trace_secondary(Ray ray, float start, float travelled, float side) {
     if (hit.found && (inside || hit.t < offset)) {
         float place = inside ? max(hit.t - offset, 0.5 * hit.t) : offset;
         float depth = u_side * field(ray.origin + place * ray.direction);
-#ifndef UNCOUNTED
         hit.evaluations += 1.0;
-#endif
         if (depth < 0.0) {
             hit.t = place;
             hit.residual = depth;
