@@ -23,7 +23,7 @@ from raymarch.expr.walk import depends_on, substitute, topological
 from raymarch.proof.enclosure import ENCLOSURES
 from raymarch.proof.folds import SLACK, A, B, Fold, ends_of, span_of
 from raymarch.proof.groups import Groups
-from raymarch.proof.rays import Whole
+from raymarch.proof.rays import Whole, picked
 from raymarch.proof.rounding import ZERO, Array, Interval, down, up
 from raymarch.proof.span import Span, constant, now, stretches
 from raymarch.truth.large import numbered_forms
@@ -39,6 +39,9 @@ MOST = 96
 
 DEEPEST = 10
 """Levels of cells."""
+
+SHARED = 7
+"""Levels of cells in which many rays meet. Finer ones are made in cells with more than `MOST` operands alone."""
 
 ROWS = 1 << 12
 """Operands evaluated at once: their arrays then stay in the CPU cache."""
@@ -133,7 +136,10 @@ class Blend:
         self._fold = Fold(tree.fold)
         fields = [Function("operand", tuple(params), leaf) for leaf in tree.leaves]
         found, self._form_of, self._row_of = numbered_forms(fields)
-        self._forms = [(Program([body], own, ENCLOSURES), columns) for body, own, columns in found]
+        self._forms = [
+            (Program([body], own, ENCLOSURES), [np.asfortranarray(column) for column in columns])
+            for body, own, columns in found
+        ]
         leaves = [np.flatnonzero(self._form_of == number) for number in range(len(found))]
         self._groups = Groups([(*form, own) for form, own in zip(self._forms, leaves, strict=True)])
         self._corner, self._edge = lower, float(np.max(upper - lower))
@@ -164,7 +170,7 @@ class Blend:
         crossed, few = (low <= 0.0) & (high >= 0.0), self._count[cells] <= MOST
         far = np.flatnonzero(crossed & ~few)
         if len(far):
-            result[:, far] = self._bounds([end[far] for end in ends], before[far], behind[far])
+            result[:, far] = self._bounds([picked(end, far) for end in ends], before[far], behind[far])
         asked = np.flatnonzero(crossed & few)
         if len(asked):
             position, leaves = self._pairs(cells[asked])
@@ -231,9 +237,9 @@ class Blend:
             for i in range(0, len(chosen), ROWS):
                 rows = chosen[i : i + ROWS]
                 which, own = self._row_of[operands[rows]], owner[rows]
-                numbers = [constant(column[which]) for column in columns]
+                numbers = [constant(picked(column, which)) for column in columns]
                 with stretches(before[own], behind[own]):
-                    found = program(span_of([end[own] for end in ends]), *numbers)[0]
+                    found = program(span_of([picked(end, own) for end in ends]), *numbers)[0]
                 result[:, rows] = ends_of(found, len(rows))[: len(result)]
         return result
 
@@ -262,8 +268,9 @@ class Blend:
         with np.errstate(divide="ignore", invalid="ignore"):
             levels = np.floor(np.log2(self._edge / np.max(high - low, axis=1)))
         for level in range(self._first, DEEPEST + 1):
+            few = FEW if level <= max(SHARED, self._first + COARSER) else MOST
             ranges = self._ranges[cell]
-            open_ = (levels >= level) & (self._count[cell] > FEW) & (ranges[:, 0] <= 0.0) & (ranges[:, 1] >= 0.0)
+            open_ = (levels >= level) & (self._count[cell] > few) & (ranges[:, 0] <= 0.0) & (ranges[:, 1] >= 0.0)
             rows = np.flatnonzero(open_)
             place = np.floor((low[rows] - self._corner) / (self._edge / 2**level))
             corner, end = self._box(level, place)
@@ -292,12 +299,14 @@ class Blend:
     def _make(self, level: int, codes: Whole, place: Array, parents: Whole) -> None:
         """Cells of a level in some cells of the level above."""
         margin = 1e-6 * self._edge / 2**level  # half of that of the level above, so that each cell lies in its own
-        box = [end + off for end, off in zip(self._box(level, place), (-margin, margin), strict=True)]
+        box = [
+            np.asfortranarray(end + off) for end, off in zip(self._box(level, place), (-margin, margin), strict=True)
+        ]
         zero = np.zeros(len(parents))
         if level == self._first:
             bounds = self._bounds(box, zero, zero)
             crossed = np.flatnonzero(bounds[0] <= 0.0)
-            owner, operands, values, lost = self._listed(box, crossed)
+            owner, operands, values, lost = self._listed(box, crossed, bounds[1])
         else:
             bounds, crossed, lost = self._ranges[parents].T, np.arange(len(parents)), self._lost[parents]
             owner, operands = self._pairs(parents)
@@ -325,9 +334,9 @@ class Blend:
         self._lost = np.concatenate([self._lost, lost])
         self._count = np.concatenate([self._count, counts])
 
-    def _listed(self, box: Sequence[Array], some: Whole) -> tuple[Whole, Whole, Array, Array]:
+    def _listed(self, box: Sequence[Array], some: Whole, most: Array) -> tuple[Whole, Whole, Array, Array]:
         """The operands that may have an effect in some boxes: the box of each, the operand and its ends there; and for
-        each box by how much the others may lower the value.
+        each box by how much the others may lower the value. most : the value is nowhere above it.
 
         Let them rise to infinity together: the value rises by at most the sum of their weights, which shrink with the
         width of the fold. Of a fold without one, let m be the least value of an operand. Without all above
@@ -340,14 +349,14 @@ class Blend:
         def near(owner: Whole, values: Array, count: int) -> NDArray[np.bool_]:
             rows = some[owner]
             np.minimum.at(least, rows, values[1])
-            top = up(least + self._rise)[rows]
+            top = np.minimum(most, up(least + self._rise))[rows]
             kept = values[0] <= top + self._spare
             if np.isfinite(fold.width):
                 weights = fold.weights(values[0, ~kept], top[~kept])
                 lost[:] += np.bincount(rows[~kept], weights, n) * (count * fold.width * self._slack)
             return kept
 
-        owner, operands, values = self._groups.walk([end[some] for end in box], zero, zero, near)
+        owner, operands, values = self._groups.walk([picked(end, some) for end in box], zero, zero, near)
         order = np.lexsort((operands, owner))
         order = order[near(owner[order], values[:, order], 1)]
         return some[owner[order]], operands[order], values[:, order], up(lost)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from raymarch.expr.evaluate import Program
 from raymarch.proof.folds import ends_of, span_of
-from raymarch.proof.rays import Whole
+from raymarch.proof.rays import Whole, picked
 from raymarch.proof.rounding import Array
 from raymarch.proof.span import still, stretches
 
@@ -36,13 +36,14 @@ class _Tree:
     @classmethod
     def of(cls, program: Program, columns: Sequence[Array], operands: Whole) -> _Tree:
         n = len(operands)
-        order = _close(np.concatenate([np.zeros((n, 1)), *(c.reshape(n, -1) for c in columns)], axis=1))
-        levels, sizes = [[(column[order], column[order]) for column in columns]], [n]
+        order = close(np.concatenate([np.zeros((n, 1)), *(c.reshape(n, -1) for c in columns)], axis=1))
+        sorted_ = [picked(column, order) for column in columns]
+        levels, sizes = [[(column, column) for column in sorted_]], [n]
         while sizes[-1] > EACH:
             first = np.arange(0, sizes[-1], EACH)
-            levels.append(
-                [(np.minimum.reduceat(low, first), np.maximum.reduceat(high, first)) for low, high in levels[-1]]
-            )
+            least, most = np.minimum.reduceat, np.maximum.reduceat
+            above = [(least(low, first), most(high, first)) for low, high in levels[-1]]
+            levels.append([(np.asfortranarray(low), np.asfortranarray(high)) for low, high in above])
             sizes.append(len(first))
         return cls(program, operands[order], levels, sizes)
 
@@ -53,9 +54,9 @@ class _Tree:
         result = np.empty((len(ends), len(owner)))
         for i in range(0, len(owner), ROWS):
             own, which = owner[i : i + ROWS], group[i : i + ROWS]
-            numbers = [still((low[which], high[which])) for low, high in self.levels[level]]
+            numbers = [still((picked(low, which), picked(high, which))) for low, high in self.levels[level]]
             with stretches(before[own], behind[own]):
-                found = self.program(span_of([end[own] for end in ends]), *numbers)[0]
+                found = self.program(span_of([picked(end, own) for end in ends]), *numbers)[0]
             result[:, i : i + ROWS] = ends_of(found, len(own))[: len(result)]
         return result
 
@@ -105,14 +106,15 @@ class Groups:
         )
 
 
-def _close(numbers: Array) -> Whole:
+def close(numbers: Array, each: int = EACH) -> Whole:
     """An order in which operands of close numbers are neighbours, (n,): halves along the widest axis, in turn. The
-    halves are powers of 2, so that groups do not straddle them. numbers : (n, columns)."""
+    halves are powers of 2, so that groups do not straddle them. numbers : (n, columns). each : neighbours without an
+    order."""
     order = np.arange(len(numbers))
     pending = [(0, len(numbers))]
     while pending:
         first, last = pending.pop()
-        if last - first <= EACH:
+        if last - first <= each:
             continue
         rows = order[first:last]
         own = numbers[rows]

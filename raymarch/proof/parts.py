@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ from raymarch.expr.walk import find, topological
 from raymarch.proof.blends import Blend, Tree
 from raymarch.proof.enclosure import ENCLOSURES, SOLVED
 from raymarch.proof.facts import OURS
-from raymarch.proof.rays import Boxes, Rays, Stretch, Whole
+from raymarch.proof.rays import Boxes, Rays, Stretch, Whole, picked
 from raymarch.proof.rounding import ZERO, Array, Interval, up
 from raymarch.proof.span import Span, constant, jumping, stretches
 from raymarch.scene.parameter import Values
@@ -62,10 +63,11 @@ class Form:
 
     @classmethod
     def of(cls, body: Expr, params: Sequence[Expr], columns: Sequence[Array], nodes: Sequence[Node]) -> Form:
+        columns = [np.asfortranarray(column) for column in columns]
         return cls(Program([body], params, ENCLOSURES), columns, nodes, body, params)
 
     def enclose(self, points: Span, rows: Whole) -> Span:
-        found: Span = self.program(points, *(constant(column[rows]) for column in self.columns))[0]
+        found: Span = self.program(points, *(constant(picked(column, rows)) for column in self.columns))[0]
         return found
 
     def unbounded(self, points: Span, rows: Whole) -> Sequence[Expr | None]:
@@ -74,7 +76,7 @@ class Form:
             node for node in topological([self.root]) if node.op not in ("const", "var") and node.type is not STATE
         ]
         program = Program(nodes, self.params, ENCLOSURES)
-        values = program(points, *(constant(column[rows]) for column in self.columns))
+        values = program(points, *(constant(picked(column, rows)) for column in self.columns))
         blamed = np.full(len(rows), -1)
         for number, value in enumerate(values):
             if isinstance(value, Span) and value.slope is not None:
@@ -156,6 +158,11 @@ class Operands:
 
     def __len__(self) -> int:
         return len(self.form_of)
+
+    @cached_property
+    def blends(self) -> NDArray[np.bool_]:
+        """Which operands are blends of many."""
+        return np.array([isinstance(form, Blended) for form in self.forms])[self.form_of]
 
     def node(self, operand: int) -> Node:
         return self.forms[self.form_of[operand]].node(int(self.row_of[operand]))

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from raymarch.proof.beams import beside_beams
 from raymarch.proof.parts import Operands
 from raymarch.proof.rays import Rays, Stretch, Whole
-from raymarch.proof.rounding import ULP, Array, Interval, down, up
+from raymarch.proof.rounding import Array, Interval
 
 PROVED, CONTRADICTED, OPEN = 0, 1, 2
 
@@ -49,9 +50,6 @@ FIRST = 8
 """Directions of these that are tried before the others."""
 
 STEP = AROUND // FIRST
-
-FAR = 1e30
-"""A length beyond all rays."""
 
 WITHIN = (1.0, 0.5, 0.25, 0.0, -0.5)
 """Where the change of sign is looked for, in tolerances behind the hit."""
@@ -132,6 +130,7 @@ def judge(given: Given, progress: Callable[[float], None] | None = None) -> Verd
     free_to = np.where(found, np.minimum(hit - within, given.end), given.end)
     verdict = Verdict.unknown(free_to)
     work = given.operands.met(given.rays, given.start, free_to)
+    work = beside_beams(given.operands, given.rays, work, verdict.evaluations)
     thin = free(given, work, free_to, given.shortest, verdict, progress)
     _late(given, thin, free_to, found, verdict)
     stuck = verdict.low < free_to
@@ -197,7 +196,7 @@ def free(
         np.minimum.at(stuck, left[-1].rays, left[-1].start)
         go = np.flatnonzero(~is_free & ~stop)
         if len(go):
-            pending.append(_rest(now[go], centre[go], at[0][go], (slope[0][go], slope[1][go])))
+            pending.append(now[go].rest(centre[go], at[0][go], (slope[0][go], slope[1][go])))
         if progress is not None:
             open_ = np.unique(np.concatenate([_NONE, *(part.rays for part in pending)]))
             progress(1.0 - len(open_) / len(given))
@@ -230,26 +229,6 @@ def _beside_free(given: Given, some: Stretch, off: Array, verdict: Verdict) -> N
     verdict.evaluations += np.bincount(some.rays[work.rays], minlength=len(given))
     free_[work.rays[~(range_[0] > 0.0)]] = False
     return free_
-
-
-def _rest(some: Stretch, centre: Array, value: Array, slope: Interval) -> Stretch:
-    """What is left of stretches without the part around the centre that is free: there the least value at the centre
-    is above 0, and the steepest fall from it does not reach 0. In pieces of at most half the length.
-    """
-    back, ahead = (_reach(value, fall) for fall in (slope[1], -slope[0]))
-    before = Stretch(some.rays, some.operands, some.start, np.clip(up(centre - back), some.start, centre))
-    behind = Stretch(some.rays, some.operands, np.clip(down(centre + ahead), centre, some.end), some.end)
-    rest, half = Stretch.joined([before, behind]), np.tile(0.5 * (some.end - some.start), 2)
-    length = rest.end - rest.start
-    long = length > half * (1.0 + 4.0 * ULP)
-    return Stretch.joined([rest[(length > 0.0) & ~long], rest[long].halved()])
-
-
-def _reach(value: Array, fall: Array) -> Array:
-    """A length over which a value that falls at most so fast stays above 0."""
-    safe = value > 0.0
-    reach = np.divide(value, fall, out=np.full(len(value), FAR), where=safe & (fall > 0.0))
-    return np.where(safe, np.minimum(down(reach, 4.0 * ULP), FAR), 0.0)
 
 
 def _bounded(value: Interval) -> NDArray[np.bool_]:

@@ -22,10 +22,10 @@ def _part(v: Span, i: int) -> Span:
 
 
 def _stacked(parts: Sequence[Span]) -> Span:
-    """Components as a vector, or columns as a matrix."""
+    """Components as a vector, or columns as a matrix, each component in one run."""
 
     def stack(arrays: Sequence[Array]) -> Array:
-        return np.stack(np.broadcast_arrays(*arrays), axis=-1)
+        return np.moveaxis(np.stack(np.broadcast_arrays(*arrays)), 0, -1)
 
     low, high = stack([p.low for p in parts]), stack([p.high for p in parts])
     at = stack([p.at[0] for p in parts]), stack([p.at[1] for p in parts])

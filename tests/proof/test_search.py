@@ -15,7 +15,7 @@ from raymarch.proof import search
 from raymarch.proof.parts import Operands
 from raymarch.proof.rays import Rays, Stretch
 from raymarch.proof.rounding import Array, Interval
-from raymarch.proof.search import CONTRADICTED, PROVED, Given, Verdict, _rest, judge
+from raymarch.proof.search import CONTRADICTED, PROVED, Given, Verdict, judge
 from raymarch.scene.file import load
 from raymarch.scene.parameter import Values
 
@@ -30,7 +30,7 @@ def test_nothing_that_may_be_0_is_left_out() -> None:
     slope = np.sort(random.choice([-2.0, -0.7, -1e-9, 0.0, 1e-9, 0.4, 3.0], (2, count)), axis=0)
     slope = np.where(random.random((2, count)) < 0.1, [[-np.inf], [np.inf]], slope)
     every = np.arange(count)
-    rest = _rest(Stretch(every, every, start, end), centre, value, (slope[0], slope[1]))
+    rest = Stretch(every, every, start, end).rest(centre, value, (slope[0], slope[1]))
     assert np.all(rest.start < rest.end) and len(rest) < 2 * count
     for i in every:
         parts = sorted(zip(rest.start[rest.rays == i], rest.end[rest.rays == i], strict=True))
