@@ -94,7 +94,8 @@ def tree(text: Lines, plan: Plan, values: Values, reflection: Reflection) -> Non
     rough = [f"lit.material.{name}" for name in plan.bsdf.rough if scene.lights and plan.model != "phong"]
     widened = [f"        if ({bounce} > 0) {name} = max({name}, {2.0 * SMOOTH});" for name in rough]
     shows, stack = bool(visible(scene)), plan.device.arrays
-    begin_shade(text, plan, values, bounces=True)
+    alike = not glass and scene.fog is None and not scene.sky.apart  # the sky for all rays: one call
+    begin_shade(text, plan, values, bounces=True, shows_sky=not alike)
     text.template(
         "whitted",
         {

@@ -44,8 +44,11 @@ def _applied(scene: Scene, color: str, origin: str, direction: str, length: str)
     return f"apply_fog({', '.join(texts[p] for p in _fog(scene).params)})"
 
 
-def begin_shade(text: Lines, plan: Plan, values: Values, bounces: bool = False) -> None:
-    """The beginning of `shade`. If `bounces`, `ray` is reused: what the fog reads of it is kept."""
+def begin_shade(text: Lines, plan: Plan, values: Values, bounces: bool = False, shows_sky: bool = True) -> None:
+    """The beginning of `shade`. If `bounces`, `ray` is reused: what the fog reads of it is kept.
+
+    shows_sky : whether a ray that hits nothing ends here.
+    """
     scene = plan.scene
     visible_light(text, plan, values)
     sky = "sky(ray.direction)"
@@ -64,7 +67,8 @@ def begin_shade(text: Lines, plan: Plan, values: Values, bounces: bool = False) 
             found = "visible_light(Ray(ray.origin + planes.x * ray.direction, ray.direction), last, planes.x)"
         text.add(f"    vec4 shown = {found};", "    if (shown.w >= 0.0) {")
         text.add(*["        shown.w += planes.x;"] * scene.camera.clips, f"        return {seen};", "    }")
-    text.add(f"    if (!hit.found) return {sky};")
+    if shows_sky:
+        text.add(f"    if (!hit.found) return {sky};")
     if bounces:
         read = _fog(scene).params if scene.fog is not None else ()
         for p, line in ((ORIGIN, "vec3 eye = ray.origin;"), (DIRECTION, "vec3 view = ray.direction;")):

@@ -128,6 +128,10 @@ $regularized
     vec3 weight = vec3(1.0);
     float travelled = 0.0;
     for (int bounce = 0; bounce <= $bounces; bounce++) {
+        if (!hit.found) {
+            color += weight * $sky(ray.direction);
+            break;
+        }
         travelled += hit.t;
         Surface surface = surface_interaction(ray, hit, travelled);
         surface.t = travelled;
@@ -146,10 +150,6 @@ $reflects
 #ifdef SHOWS
         if (visible_light(ray, hit, travelled).w >= 0.0) break;  // surfaces find it by themselves
 #endif
-        if (!hit.found) {
-            color += weight * $sky(ray.direction);
-            break;
-        }
     }
 #endif
 $sees

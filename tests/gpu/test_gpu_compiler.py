@@ -21,6 +21,7 @@ LIMITS = {
     "village": (16, 39.0),
     "papers/array": (16, 61.0),
     "showcase/lanterns": (10, 39.0),
+    "showcase/chess": (10, 76.0),
     "papers/glass": (10, 17.5),
     "papers/ray_tree": (10, 19.5),
     "primitives": (18, 20.5),

@@ -10,7 +10,7 @@
 // about the whole cone, because `range` is its result too.
 #endif
 // Fields without proof of their spheres take half of the distance, or as long a step as holds nothing that would
-// count, by the steepest slope of the field or by how far the cone is free.
+// count, by the slope slope of the field or by how far the cone is free.
 // The first sample lies at `first`. Where it does not prove the way from the start on free, but for a quarter of the
 // start, the ray goes back.
 // A ray that runs out of steps is extrapolated to its end. `range` becomes the part in which anything may reach into
@@ -20,9 +20,9 @@ float clearance(Ray ray, inout vec2 range, float first, float near, float width,
     float t = range.x;
     float z = max(first - t, 0.0);
     float r = 0.25 * t;
-    bool known = false;
 #ifndef HALVED
-    float slope = 0.0;
+    // between samples: along a step that was undone, at most 1; else 2
+    float slope = 2.0;
 #endif
 #ifdef AHEAD
     float way = 0.0;
@@ -30,9 +30,8 @@ float clearance(Ray ray, inout vec2 range, float first, float near, float width,
     const float way = 0.0;
 #endif
     float rise = 0.0;
-    bool undone = false;
-    float depth = 0.0;
-    bool met = false;
+    // below 0 before the ray has met a solid
+    float depth = -1.0;
     float end = range.y;
     for (int i = 0; i < shadow_steps; i++) {
         float s = t + z;
@@ -50,42 +49,43 @@ float clearance(Ray ray, inout vec2 range, float first, float near, float width,
 #endif
 #endif
         float radius = width * s;
+        bool met = depth >= 0.0;
 #ifndef HALVED
+        bool undone = slope < 2.0;
         bool leapt = z > max(r, way) + abs(d) && !undone;
         bool inside = met || (d <= max(near + GROWTH * s, 0.02 * radius) && !(leapt && deep));
 #else
         bool inside = met || d <= max(near + GROWTH * s, 0.02 * radius);
 #endif
         if (inside) {
-            depth = max(depth, -d / radius);
+            depth = max(max(depth, 0.0), -d / radius);
             t = s;
             z = min(max(abs(d), 0.25 * radius), end - t);
-            if (!deep || depth >= 1.0 || (met && d > 0.0) || t >= end) return -min(depth, 1.0);
-            met = true;
+            if (!deep || depth >= 1.0 || (met && d > 0.0) || t >= end) break;
             range.y = end;
             continue;
         }
 #ifndef HALVED
+        bool known = i > int(undone) && z > 0.0;
         float least_here = leapt ? least : min(least, d / radius);
         float sine = 0.9375 * least_here * width;
         float proven = half_chord(r, t, sine);
         float proven_here = half_chord(d, s, sine);
         float cosine = sqrt(1.0 - sine * sine);
         if (!undone && max(proven, way * cosine) + proven_here < z * cosine) {
-            undone = true;
             least = least_here;
-            slope = (proven_here - proven) / z;
+            slope = min((proven_here - proven) / z, 1.0);
             z = max(proven / cosine, way);
             continue;
         }
-        slope = clamp(known && z > 0.0 ? min((proven_here - proven) / z, undone ? slope : 1.0) : d / s, -1.0, 0.99);
-        cosine = sqrt(1.0 - width * width);
-        bool clear = d >= radius && half_chord(r, t, width) + half_chord(d, s, width) >= z * cosine;
+        slope = clamp(known ? min((proven_here - proven) / z, slope) : d / s, -1.0, 0.99);
+        bool clear = d >= radius && half_chord(r, t, width) + half_chord(d, s, width) >= z * sqrt(1.0 - width * width);
 #ifdef AHEAD
         clear = clear || (d >= radius && deep && z <= way);
         way = found.y;
 #endif
 #else
+        bool known = i > 0 && z > 0.0;
         float least_here = min(least, d / radius);
 #ifdef AHEAD
         bool clear = d >= 2.0 * radius || (d >= radius && deep && z <= way);
@@ -94,9 +94,7 @@ float clearance(Ray ray, inout vec2 range, float first, float near, float width,
         bool clear = d >= 2.0 * radius;
 #endif
 #endif
-        if (known && z > 0.0) rise = (d - r) / z;
-        known = true;
-        undone = false;
+        if (known) rise = (d - r) / z;
         least = least_here;
         t = s;
         r = d;
@@ -106,9 +104,14 @@ float clearance(Ray ray, inout vec2 range, float first, float near, float width,
         sine = 0.9375 * least * width;
         cosine = sqrt(1.0 - sine * sine);
         proven = half_chord(r, t, sine);
-        if (t + max(proven / cosine, way) >= end) return least;
+        if (t + max(proven / cosine, way) >= end) {
+            // nothing lies ahead
+            r = 1.0e30;
+            break;
+        }
         z = way > 1.02 * proven / cosine ? way : max(1.9 * proven / max(cosine - slope, 0.01), -slope * r);
         z = min(z, end - t);
+        slope = 2.0;
 #else
 #ifdef UNDIVIDED
 #ifdef ESTIMATE
@@ -120,8 +123,12 @@ float clearance(Ray ray, inout vec2 range, float first, float near, float width,
         z = safe_step(0.5 * r, t);
 #endif
         z = max(z, way);
-        if (t + z >= end) return least;
+        if (t + z >= end) {
+            // nothing lies ahead
+            r = 1.0e30;
+            break;
+        }
 #endif
     }
-    return met ? -depth : max(min(least, (r + rise * (end - t)) / (width * end)), 0.0);
+    return depth >= 0.0 ? -min(depth, 1.0) : max(min(least, (r + rise * (end - t)) / (width * end)), 0.0);
 }

@@ -21,10 +21,8 @@ float two_sided_shadow(Surface surface, Light light, float width) {
     width = clamp(width, 64.0 * GROWTH, 0.999);
     vec3 axis = ray.direction;
     float middle = 0.0;
+    // what the seven rays find; then the fraction of the disc, the share of the 24 rays, and their sum
     float around[7];
-    float seen = 0.0;
-    float few = 0.0;
-    float visible = 0.0;
     for (int i = 0; i < 31; i++) {
         if (i == 7) {
             float edge = max(beside_edge(middle), 0.0);  // asin rounds
@@ -44,15 +42,16 @@ float two_sided_shadow(Surface surface, Light light, float width) {
                 expected += share_of_seven(k, free);
                 if (k > 0) off += abs(around[k] - free);
             }
-            few = few_of_seven(middle, off, sum, sided);
             float opposite = around[1] * around[4] + around[2] * around[5] + around[3] * around[6];
+            around[1] = few_of_seven(middle, off, sum, sided);
             expected = clamp(expected, 0.01, 0.99);
             float odds = clamp(edge * (1.0 - expected) / (expected * (1.0 - edge)), 0.3, 6.0);
             odds = exp(mix(1.15 + 1.2 * opposite, log(odds), smoothstep(0.0, 0.1 + 0.85 * sum, sided)));
-            visible = odds * counted / (1.0 + (odds - 1.0) * counted);
+            float visible = odds * counted / (1.0 + (odds - 1.0) * counted);
             if (middle > 0.0) visible = max(visible, 2.0 * edge - 1.0);
-            visible = mix(visible, edge, smoothstep(0.5, 0.9, abs(middle)));
-            if (few <= 0.0) break;
+            around[0] = mix(visible, edge, smoothstep(0.5, 0.9, abs(middle)));
+            around[2] = 0.0;
+            if (around[1] <= 0.0) break;
         }
         vec3 right = normalize(abs(axis.y) < 0.7 ? vec3(axis.z, 0.0, -axis.x) : vec3(0.0, axis.z, -axis.y));
         vec2 place = ray_of_disc(i);
@@ -62,7 +61,7 @@ float two_sided_shadow(Surface surface, Light light, float width) {
         float narrow = max(0.15 * width, 64.0 * GROWTH);
         float found = clearance(ray, between, i == 0 ? first : 0.0, 0.0, i < 7 ? width : narrow, i == 0);
         if (i > 6) {
-            seen += seen_of_disc(found);
+            around[2] += seen_of_disc(found);
             continue;
         }
         around[i] = free_of_seven(found);
@@ -71,6 +70,6 @@ float two_sided_shadow(Surface surface, Light light, float width) {
         middle = found;
         range = between;
     }
-    seen /= 24.0;
-    return mix(visible, 1.35 * seen / (1.0 + 0.35 * seen), few);
+    float seen = around[2] / 24.0;
+    return mix(around[0], 1.35 * seen / (1.0 + 0.35 * seen), around[1]);
 }
