@@ -22,14 +22,14 @@ bool begins(Ray ray, inout Hit hit, out March at, out vec2 range) {
     hit.evaluations += spent.y * u_spent;
 #endif
 #ifdef OWN_START
+    bool asked = range.x <= range.y;
+    if (asked) enter(ray, at);
 #ifdef ANALYTIC
-    hit.evaluations += 1.0;  // by `range_of`
-#else
-    if (range.x <= range.y) {
-        enter(ray, at);
-        hit.evaluations += 1.0;
-    }
+#ifndef CONES
+    asked = true;  // by `range_of`
 #endif
+#endif
+    hit.evaluations += float(asked);
 #endif
 #ifdef STRETCH
     begin_stretch(range.y - at.t);
