@@ -9,8 +9,9 @@ import pytest
 
 import raymarch as rm
 from raymarch.gpu.context import Context
+from raymarch.gpu.doctor import count_loop
 from tests.lab import spellings
-from tests.lab.spellings import Court, Spelling, Variant, disagreements, drawn, look
+from tests.lab.spellings import Court, Spec, Spelling, Variant, disagreements, drawn, look
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +42,23 @@ def test_a_spelling_that_is_another_set_is_found(court: Court, monkeypatch: pyte
     monkeypatch.setattr(Spelling, "_plane", larger)
     spec = next(s for s in map(drawn, range(60, 99)) if s.trees[0][2][0] == "plane" and "generic" in s.tags)
     assert court.verdict(spec.changed(trees=spec.trees[:1]), Variant(spelling=1)) is not None
+
+
+def test_pixels_whose_loops_the_driver_ended_are_not_compared(court: Court, monkeypatch: pytest.MonkeyPatch) -> None:
+    """llvmpipe ends the loops of a pixel after 65,535 turns: those of 254 evaluations of a polygon of 258 corners."""
+    finer = spellings._finer
+    monkeypatch.setattr(spellings, "_finer", lambda points, count: finer(points, 2 * count))
+    trees = [("paint", 0, ("plane", -0.3)), ("paint", 0, ("prism", 3, 0.5, 0.4))]
+    mirror = {"albedo": (0.8, 0.8, 0.8), "metalness": 1.0, "roughness": 0.0}
+    lights = [{"kind": "ball", "radius": 0.2, "intensity": 99.0, "position": (x, 8.0, 5.0)} for x in (-3.0, 3.0)]
+    spec = Spec(trees, [mirror], lights, (1.0, 1.0, 2.0), (0.0, 0.0, 0.0), 40.0, bounces=2)
+    quality = {"analytic": False, "tracer": "plain", "bounding_volumes": False}
+    number = next(n for n in range(1, 99) if Spelling([], n).pick("1:0", 7) == 3)
+    data = Variant(number, frozenset({"0:", "0:0", "1:"}), quality=quality)
+    assert court.verdict(spec, data) is None
+    assert (court.ended > 0) == count_loop(court.renderer.context).is_limited
+    court.frame(spec, Variant())
+    assert not court.ended_loops(Variant()).any()
 
 
 def test_a_scene_that_takes_too_long_is_named(
