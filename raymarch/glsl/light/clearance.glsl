@@ -10,7 +10,7 @@
 // about the whole cone, because `range` is its result too.
 #endif
 // Fields without proof of their spheres take half of the distance, or as long a step as holds nothing that would
-// count, by the slope slope of the field or by how far the cone is free.
+// count, by the steepest slope of the field or by how far the cone is free.
 // The first sample lies at `first`. Where it does not prove the way from the start on free, but for a quarter of the
 // start, the ray goes back.
 // A ray that runs out of steps is extrapolated to its end. `range` becomes the part in which anything may reach into
