@@ -168,6 +168,11 @@ def test_a_folder_that_cannot_be_written_is_said_before_anything_is_measured(
     assert "RAYMARCH_CACHE is empty" in capsys.readouterr().err
 
 
+def test_the_command_measures_and_keeps(cache: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("doctor", "--measure") == 0
+    assert [*(cache / "prices").iterdir()] and "operation" in capsys.readouterr().out
+
+
 def run(*arguments: str) -> Any:
     with pytest.raises(SystemExit) as stop:
         main(list(arguments))
