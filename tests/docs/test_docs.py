@@ -96,7 +96,7 @@ def test_the_commands_run(tmp_path, monkeypatch):
     assert len(commands) >= 5
     assert {c[0] for c in commands} == {c.name for c in app.registered_commands}
     for command in commands:
-        # A hundred scenes, tests/cost/test_device_check.py; and ten seconds of frames, tests/gpu/test_measured_prices.py.
+        # A hundred scenes, tests/cost/test_device_check.py; and seconds of frames, tests/gpu/test_measured_prices.py.
         if command in (["doctor", "--check"], ["doctor", "--measure"]):
             continue
         small = ["16x9" if part == "1280x720" else "0:2" if part == "0:90" else part for part in command]
