@@ -125,6 +125,7 @@ class Plan(Asked, FieldPlan, SurfacePlan, PassPlan):
             "STANDALONE": self.standalone,
             "STANDS": marching.stands(self.scene),
             "FILMS": marching.films(self.scene),
+            "BOUNDED": marching.clipped(self.scene),
             "STRETCH": self.stretched,
             "ESTIMATE": not self.certified,
             "HALVED": self._halves,

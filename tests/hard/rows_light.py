@@ -183,11 +183,11 @@ def _evaluations(world: World, scene: rm.Scene) -> float:
     text = ready.texts["color"]
     signatures = ("float field(vec3 p) {", "vec2 field_advance(vec3 p, vec3 d, float level, float growth) {")
     head = signatures[ready.plan.advance is not None]
-    assert text.count(head) == 1 and text.count("out_color = vec4(shade(") == 1
-    text = text.replace(head, f"int asked = 0;\n{head}\n    asked++;")
-    text = text.replace("    out_color = vec4(shade(", "    vec4 shown = vec4(shade(")
-    head, _, tail = text.rpartition("}")
-    text = head + "    out_color = vec4(shown.rgb * 0.0 + float(asked), hit.found ? 1.0 : 0.0);\n}" + tail
+    found, shown = "    Hit hit = trace(ray);\n", "    out_color = pixel_color(gl_FragCoord.xy);\n"
+    assert text.count(head) == text.count(found) == text.count(shown) == 1
+    text = text.replace(head, f"int asked = 0;\nbool met = false;\n{head}\n    asked++;")
+    text = text.replace(found, f"{found}    met = hit.found;\n")
+    text = text.replace(shown, f"{shown}    out_color = vec4(out_color.rgb * 0.0 + float(asked), met ? 1.0 : 0.0);\n")
     with Program(world.context, FULL_SCREEN, text, lambda line: ("", None), "count") as program:
         target = Target(world.context, size)
         try:

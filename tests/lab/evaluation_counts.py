@@ -65,10 +65,9 @@ def counting(text: str) -> str:
         raise DeviceError(
             "the evaluations of this shader cannot be counted", legal="a picture without samples and history"
         )
-    wrapped = (
-        f"float evaluated = 0.0;\nfloat field_itself({head[1]});\n\nfloat field({head[1]}) {{\n    evaluated += 1.0;\n"
-    )
+    wrapped = "float evaluated = 0.0;\nfloat before = 0.0;\n"
+    wrapped += f"float field_itself({head[1]});\n\nfloat field({head[1]}) {{\n    evaluated += 1.0;\n"
     wrapped += f"    return field_itself({head[1].split()[1]});\n}}\n\n"
     text = text.replace(head[0], wrapped + head[0].replace("float field(", "float field_itself("), 1)
-    text = text.replace(found, f"{found}    float before = evaluated;\n", 1)
+    text = text.replace(found, f"{found}    before = evaluated;\n", 1)
     return text[: -len(shown)] + "\n    out_color = vec4(before, evaluated - before, 0.0, 1.0);" + shown

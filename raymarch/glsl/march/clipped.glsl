@@ -8,15 +8,15 @@ vec2 range_of(Ray ray) {
 #endif
 #ifdef CLIP_PLANES
     vec2 range = between_planes(ray, u_far);
+#else
+    vec2 range = vec2(0.0, u_far);
+#endif
 #ifdef EDGES
     range.y += 4.0 * pixel_at(range.y);
 #endif
+#ifdef BOUNDED
     return scene_box(ray, range);
 #else
-#ifdef EDGES
-    return scene_box(ray, vec2(0.0, u_far + 4.0 * pixel_at(u_far)));
-#else
-    return scene_box(ray, vec2(0.0, u_far));
-#endif
+    return range;
 #endif
 }
