@@ -63,15 +63,16 @@ class Hand:
         self._root = self._display.screen().root
         self._window: Any = None
 
-    def find(self, alive: Callable[[], bool]) -> None:
-        """Wait for the window, and give it the keyboard, as a window manager would."""
+    def find(self, process: subprocess.Popen[bytes]) -> None:
+        """Wait for the window of a process, and give it the keyboard, as a window manager would."""
         until = time.monotonic() + PATIENCE
+        number = self._display.intern_atom("_NET_WM_PID")
         while time.monotonic() < until:
-            assert alive(), "the window's process has ended"
+            assert process.poll() is None, "the window's process has ended"
             for window in self._root.query_tree().children:
-                name = window.get_wm_name()
+                owner = window.get_full_property(number, self._x.AnyPropertyType)
                 viewable = window.get_attributes().map_state == self._x.IsViewable
-                if name and "raymarch" in str(name) and viewable:
+                if viewable and owner is not None and owner.value[0] == process.pid:
                     self._window = window
                     window.set_input_focus(self._x.RevertToParent, self._x.CurrentTime)
                     self._display.sync()
@@ -255,10 +256,10 @@ class Session:
             self.process = subprocess.Popen(command, cwd=folder, env=environment, stderr=errors, stdout=errors)
         self.hand = Hand(display)
         try:
-            self.hand.find(lambda: self.process.poll() is None)
+            self.hand.find(self.process)
             self.wait("frame", lambda e: moving or e["whole"])
         except BaseException:
-            self.kill()  # a window that stays would be found in place of the next one
+            self.kill()
             raise
 
     def events(self) -> Events:
