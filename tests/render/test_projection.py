@@ -242,4 +242,4 @@ def test_a_pose_of_another_projection_is_refused(small: Renderer) -> None:
 
 def test_other_scenes_keep_their_text() -> None:
     found = plan(scene(rm.Camera(**PLACE, projection="perspective", near=0.0), analytic=False, tracer="bracketing"))
-    assert found.variants == {"JOINT"}
+    assert found.variants == {"BOUNDED", "JOINT"}
