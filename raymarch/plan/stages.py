@@ -386,8 +386,15 @@ def surfaces_of(asked: Asked, fields: FieldPlan, lowering: Lowering) -> SurfaceP
     if moving:
         place, twins = motion_of(solid, lowering, hoist)
         further.append(place)
-    found = {"joint": joint, "gradient": gradient, "undivided": undivided, "further": further, "twins": twins}
-    return SurfacePlan(**vars(materials), **found, corrected=least < 1.0)  # type: ignore[arg-type]
+    return SurfacePlan(
+        **vars(materials),
+        joint=joint,
+        gradient=gradient,
+        undivided=undivided,
+        corrected=least < 1.0,
+        further=further,
+        twins=twins,
+    )
 
 
 def kept_surface(asked: Asked, surfaces: Materials) -> list[tuple[str, Type]]:
